@@ -1,0 +1,1 @@
+"""Cameras: counts to photo-electrons and back."""

@@ -1,0 +1,1 @@
+"""Corrections of a table of localisations: quality, drift, density."""

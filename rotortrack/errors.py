@@ -1,0 +1,103 @@
+"""Every failure and warning that rotortrack raises on purpose.
+
+Each error is one sentence that names the file or option and says what to do; its class carries
+the exit code of the command line.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class RotortrackError(Exception):
+    """Root of all errors raised on purpose; a bug is anything else."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class UsageError(RotortrackError):
+    """The call itself makes no sense."""
+
+    exit_code = 2
+
+
+class InputError(RotortrackError):
+    """An input file or array cannot be used."""
+
+    exit_code = 3
+
+
+class MovieError(InputError):
+    """A movie file cannot be read as a stack of frames."""
+
+
+class CameraError(InputError):
+    """Camera maps cannot be read or do not fit the movie."""
+
+
+class TableError(InputError):
+    """A table lacks columns or holds values that cannot be used."""
+
+
+class ConfigurationError(RotortrackError):
+    """One or more options are wrong; all mistakes found are listed.
+
+    Parameters
+    ----------
+    mistakes
+        One sentence a mistake, each naming its option.
+    """
+
+    exit_code = 4
+
+    def __init__(self, *mistakes: str) -> None:
+        self.mistakes = mistakes
+        super().__init__("; ".join(mistakes))
+
+
+class NothingFoundError(RotortrackError):
+    """Nothing was found and the user asked to be told so by exit code."""
+
+    exit_code = 5
+
+
+class ResourceError(RotortrackError):
+    """Disk, memory or permission does not allow the work to go on."""
+
+    exit_code = 7
+
+
+class RotortrackWarning(UserWarning):
+    """Root of all warnings; each names what was assumed or is doubtful and what to do."""
+
+
+class MetadataWarning(RotortrackWarning):
+    """A value is missing from, or contradicts, the movie's metadata."""
+
+
+class GainWarning(RotortrackWarning):
+    """The movie's variance-against-mean slope contradicts the given gain."""
+
+
+class ExposureWarning(RotortrackWarning):
+    """The exposure time is not given and is taken to fill the frame interval."""
+
+
+class DriftWarning(RotortrackWarning):
+    """The evidence for the drift estimate is weak or missing."""
+
+
+class PercolationWarning(RotortrackWarning):
+    """Spots are so dense that single linkage may merge separate rotors."""
+
+
+class AngleWarning(RotortrackWarning):
+    """Angle steps are so wide that the 180-degree rule biases them."""
+
+
+class KernelCacheWarning(RotortrackWarning):
+    """Compiled kernels cannot be kept on disk and are compiled at every start."""
+
+
+class TableWarning(RotortrackWarning):
+    """Rows or columns of an imported table were skipped or assumed."""

@@ -1,0 +1,1 @@
+"""Tables of localisations in the formats of other programs."""

@@ -1,0 +1,29 @@
+"""Options of detection and fitting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rotortrack.settings import Options, option
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocaliseOptions(Options):
+    """Wavelet filter, threshold, candidates and fits."""
+
+    wavelet_order: int = option(3, "order q of the B-spline", ge=1, le=10)
+    wavelet_scale: float = option(2.0, "scale l of the B-spline, pixels", gt=0, le=10)
+    threshold: float | str = option(
+        "std(Wave.F1)", "photons of a candidate in the filtered plane: a number or a formula"
+    )
+    connectivity: Literal[4, 8] = option(8, "neighbours of a local maximum")
+    fit_radius_px: int = option(3, "the fit window reaches this far from its centre", ge=2, le=15)
+    initial_sigma_px: float = option(1.6, "width at which fits start, pixels", gt=0.2, le=10)
+    method: Literal["lsq", "wlsq", "mle"] = option("mle", "what the fit minimises")
+    uncertainty: Literal["bound", "thunderstorm-2014", "thunderstorm-2016"] = option(
+        "bound", "uncertainty_nm from the fit's own bound or from the plugin's formulas"
+    )
+    shift_negative_frames: bool = option(
+        False, "raise a frame that has negative pixels until its minimum is 0, as the plugin does"
+    )

@@ -1,0 +1,1 @@
+"""Motion of rotors: angles, speeds, diffusion, behaviour."""

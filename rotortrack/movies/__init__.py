@@ -1,0 +1,1 @@
+"""Movies: lazy stacks of frames and what their files say of themselves."""

@@ -1,0 +1,1 @@
+"""The published analysis, stage by stage, and the run folder."""

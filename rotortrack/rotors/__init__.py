@@ -1,0 +1,1 @@
+"""Rotors: clusters of localisations and the circles they trace."""

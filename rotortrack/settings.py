@@ -1,0 +1,274 @@
+"""Options: one frozen dataclass a section, filled from defaults, file, preset, config and flags.
+
+An option class is the only source of a TOML key, its command-line flag, default, bounds and
+documentation. pydantic is imported only when values from outside are checked, so that option
+classes load with the standard library alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import tomllib
+import typing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rotortrack.errors import ConfigurationError
+
+Values = Mapping[str, Mapping[str, Any]]
+"""Raw values by section and key, as read from TOML or from flags."""
+
+
+def option(
+    default: Any,
+    description: str,
+    *,
+    gt: float | None = None,
+    ge: float | None = None,
+    le: float | None = None,
+    check: Callable[[Any], str | None] | None = None,
+) -> Any:
+    """Declare one option of an :class:`Options` class.
+
+    Parameters
+    ----------
+    default
+        Value when nothing else gives one; ``None`` means "not given".
+    description
+        One clause without a full stop, with the unit when the name does not carry it.
+    gt, ge, le
+        Bounds that a number (each element of a tuple) must keep.
+    check
+        Returns a sentence when the value is wrong in another way, else ``None``.
+    """
+    metadata = {"description": description, "gt": gt, "ge": ge, "le": le, "check": check}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class Options:
+    """Base of all option classes; checks bounds and choices on construction.
+
+    Raises
+    ------
+    ConfigurationError
+        All values out of bounds, listed at once.
+    """
+
+    def __post_init__(self) -> None:
+        mistakes = []
+        for field in option_fields(type(self)):
+            problem = field.problem(getattr(self, field.name))
+            if problem:
+                mistakes.append(f"{field.name} {problem}")
+        if mistakes:
+            raise ConfigurationError(*mistakes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptionField:
+    """One option as the command line, the configuration and the documentation see it."""
+
+    name: str
+    annotation: Any
+    default: Any
+    description: str
+    gt: float | None
+    ge: float | None
+    le: float | None
+    check: Callable[[Any], str | None] | None
+
+    @property
+    def choices(self) -> tuple[str | int, ...]:
+        """The allowed words or numbers, empty when the option is not a choice."""
+        for part in (self.annotation, *typing.get_args(self.annotation)):
+            if typing.get_origin(part) is typing.Literal:
+                return typing.get_args(part)
+        return ()
+
+    def problem(self, value: Any) -> str | None:
+        """What is wrong with `value` of the right type, as the end of a sentence."""
+        if value is None:
+            return None
+        if self.choices and value not in self.choices:
+            return f"must be one of {', '.join(map(str, self.choices))}, not {value!r}"
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, bool) or not isinstance(number, int | float):
+                continue
+            if self.gt is not None and not number > self.gt:
+                return f"must be greater than {self.gt:g}, not {number:g}"
+            if self.ge is not None and not number >= self.ge:
+                return f"must be at least {self.ge:g}, not {number:g}"
+            if self.le is not None and not number <= self.le:
+                return f"must be at most {self.le:g}, not {number:g}"
+            if number in (float("inf"), float("-inf")) or number != number:
+                return f"must be a finite number, not {number:g}"
+        return self.check(value) if self.check else None
+
+
+@functools.cache
+def option_fields(options_class: type) -> tuple[OptionField, ...]:
+    """List the options of a class in the order of their declaration."""
+    hints = typing.get_type_hints(options_class)
+    return tuple(
+        OptionField(
+            name=field.name,
+            annotation=hints[field.name],
+            default=field.default,
+            **field.metadata,
+        )
+        for field in dataclasses.fields(options_class)
+    )
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values from one place, named as it is shown to the user (`config run.toml`, `flag`)."""
+
+    origin: str
+    values: Values
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Checked options of every section, with the origin of each value."""
+
+    sections: Mapping[str, Any]
+    origins: Mapping[str, str]
+
+    def __getitem__(self, section: str) -> Any:
+        return self.sections[section]
+
+    def require(self, *keys: str) -> None:
+        """Demand values that have no default.
+
+        Raises
+        ------
+        ConfigurationError
+            Lists every `section.key` that nobody gave and says how to give it.
+        """
+        missing = []
+        for key in keys:
+            section, name = key.split(".")
+            if getattr(self.sections[section], name) is None:
+                flag = name.replace("_", "-")
+                missing.append(
+                    f"{name} is not known: give --{flag}, or {name} in the [{section}] section of "
+                    "a configuration file"
+                )
+        if missing:
+            raise ConfigurationError(*missing)
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """All values by section, `None` left out, ready for TOML or JSON."""
+        return {
+            section: {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(options).items()
+                if value is not None
+            }
+            for section, options in self.sections.items()
+        }
+
+
+def read_toml(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a configuration file.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is missing, is not UTF-8 TOML, or holds keys outside a section.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path} is not UTF-8 text: save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path} is not valid TOML: {error}") from error
+    loose = [key for key, value in content.items() if not isinstance(value, dict)]
+    if loose:
+        raise ConfigurationError(
+            *(f"{path}: {key} stands outside any [section]: move it into one" for key in loose)
+        )
+    return content
+
+
+def resolve(classes: Mapping[str, type], layers: Sequence[Layer]) -> Settings:
+    """Merge layers (later ones win) into checked options.
+
+    Raises
+    ------
+    ConfigurationError
+        Unknown sections and keys, wrong types and values out of bounds, all listed at once.
+    """
+    chosen: dict[str, dict[str, Any]] = {section: {} for section in classes}
+    origins: dict[str, str] = {}
+    mistakes: list[str] = []
+    for layer in layers:
+        for section, values in layer.values.items():
+            if section not in classes:
+                mistakes.append(f"{layer.origin}: [{section}] is not a section{_hint(section, classes)}")
+                continue
+            mistakes.extend(_take(classes[section], layer, section, values, chosen, origins))
+    if mistakes:
+        raise ConfigurationError(*mistakes)
+    sections = {section: options_class(**chosen[section]) for section, options_class in classes.items()}
+    for section, options_class in classes.items():
+        for field in option_fields(options_class):
+            origins.setdefault(f"{section}.{field.name}", "default")
+    return Settings(sections=sections, origins=origins)
+
+
+def _take(
+    options_class: type,
+    layer: Layer,
+    section: str,
+    values: Mapping[str, Any],
+    chosen: dict[str, dict[str, Any]],
+    origins: dict[str, str],
+) -> Iterator[str]:
+    """Put the good values of one layer's section into `chosen` and yield the mistakes."""
+    fields = {field.name: field for field in option_fields(options_class)}
+    for key, raw in values.items():
+        where = f"{layer.origin}: [{section}] {key}"
+        field = fields.get(key)
+        if field is None:
+            yield f"{where} is not an option{_hint(key, fields)}"
+            continue
+        value, problem = _convert(field, raw)
+        problem = problem or field.problem(value)
+        if problem:
+            yield f"{where} {problem}"
+            continue
+        chosen[section][key] = value
+        origins[f"{section}.{key}"] = layer.origin
+
+
+def _convert(field: OptionField, raw: Any) -> tuple[Any, str | None]:
+    """Check the type of a raw value; a list becomes a tuple, a TOML boolean a choice's word."""
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+    if isinstance(raw, bool) and str(raw).lower() in field.choices:
+        raw = str(raw).lower()
+    if isinstance(raw, list):
+        raw = tuple(raw)
+    adapter = TypeAdapter(field.annotation, config=ConfigDict(strict=True))
+    try:
+        return adapter.validate_python(raw), None
+    except ValidationError as error:
+        if field.choices:
+            return None, f"must be one of {', '.join(map(str, field.choices))}, not {raw!r}"
+        # A union such as `float | None` reports the failure of every branch; the first one is
+        # the type that the user meant to give.
+        message = error.errors()[0]["msg"]
+        return None, f"is {raw!r}: {message[0].lower()}{message[1:]}"
+
+
+def _hint(word: str, known: Mapping[str, Any]) -> str:
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f": did you mean {close[0]}?" if close else f": known are {', '.join(known)}"

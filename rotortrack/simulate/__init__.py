@@ -1,0 +1,1 @@
+"""Simulated rotors and the movies of them."""

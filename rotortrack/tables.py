@@ -1,0 +1,180 @@
+"""The columns of every table that rotortrack writes: name, type, unit and meaning.
+
+Units are part of the column names; positions follow the pixel convention of the README (origin at
+the outer corner of pixel (0, 0), x along columns, y down along rows) and angles are
+counter-clockwise as seen on the displayed image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rotortrack.errors import TableError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column; `required` columns must be present in every table that is read."""
+
+    name: str
+    dtype: str
+    unit: str
+    meaning: str
+    required: bool = False
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A table's name and columns, in the order in which they are written."""
+
+    name: str
+    columns: tuple[Column, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Column names in order."""
+        return [column.name for column in self.columns]
+
+    @property
+    def dtypes(self) -> dict[str, str]:
+        """numpy dtype name of every column."""
+        return {column.name: column.dtype for column in self.columns}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every column."""
+        return {column.name: column.unit for column in self.columns}
+
+
+LOCALISATIONS = Schema(
+    "localisations",
+    (
+        Column("frame", "int64", "", "frame number, from 0", required=True),
+        Column("x_nm", "float64", "nm", "position along columns", required=True),
+        Column("y_nm", "float64", "nm", "position along rows, down", required=True),
+        Column("photons", "float32", "photons", "detected photo-electrons of the spot"),
+        Column("background", "float32", "photons", "fitted background per pixel"),
+        Column("background_sd", "float32", "photons", "standard deviation of the fit residuals"),
+        Column("sigma_nm", "float32", "nm", "fitted width of the spot"),
+        Column("x_sd_nm", "float32", "nm", "standard deviation of x_nm"),
+        Column("y_sd_nm", "float32", "nm", "standard deviation of y_nm"),
+        Column("uncertainty_nm", "float32", "nm", "rms of the x and y standard deviations"),
+        Column("chi2", "float32", "", "Pearson chi-square of the fit"),
+        Column("log_likelihood_ratio", "float32", "", "deviance of the fit"),
+        Column("fit_flags", "int32", "", "bits of FitFlag: how the fit ended"),
+        Column("channel", "int32", "", "colour channel, from 0"),
+        Column("rotor", "int64", "", "rotor number, -1 when the spot belongs to none"),
+    ),
+)
+
+TRACKS = Schema(
+    "tracks",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("frame", "int64", "", "frame number, from 0", required=True),
+        Column("time_s", "float64", "s", "start of the frame since frame 0"),
+        Column("x_nm", "float64", "nm", "position along columns", required=True),
+        Column("y_nm", "float64", "nm", "position along rows, down", required=True),
+        Column("theta_rad", "float64", "rad", "angle about the circle's centre"),
+        Column("theta_sd_rad", "float64", "rad", "its standard deviation"),
+        Column("step_rad", "float64", "rad", "step from the adjacent frame before"),
+        Column("cumulative_rad", "float64", "rad", "sum of steps since the first frame"),
+        Column("used", "bool", "", "whether the frame enters the estimates"),
+    ),
+)
+
+ROTORS = Schema(
+    "rotors",
+    (
+        Column("rotor", "int64", "", "rotor number, from 0", required=True),
+        Column("x_nm", "float64", "nm", "centre of the circle", required=True),
+        Column("y_nm", "float64", "nm", "centre of the circle", required=True),
+        Column("radius_nm", "float64", "nm", "radius of the circle"),
+        Column("radius_sd_nm", "float64", "nm", "its standard deviation"),
+        Column("arc_deg", "float64", "deg", "360 minus the largest gap between angles"),
+        Column("n_localisations", "int64", "", "frames with a localisation"),
+        Column("verdict", "str", "", "kept or refused"),
+        Column("reason", "str", "", "why it was refused, empty when kept"),
+        Column("behaviour", "str", "", "driven_ccw, driven_cw, brownian, stuck, unclassified"),
+        Column("omega_rad_s", "float64", "rad/s", "signed angular speed"),
+        Column("omega_sd_rad_s", "float64", "rad/s", "its standard deviation"),
+        Column("speed_deg_s", "float64", "deg/s", "signed angular speed"),
+        Column("speed_ci_low_deg_s", "float64", "deg/s", "lower end of its 95 % interval"),
+        Column("speed_ci_high_deg_s", "float64", "deg/s", "upper end of its 95 % interval"),
+        Column("rev_per_s", "float64", "1/s", "signed revolutions per second"),
+        Column("diffusion_rad2_s", "float64", "rad^2/s", "rotational diffusion coefficient"),
+        Column("diffusion_sd_rad2_s", "float64", "rad^2/s", "its standard deviation"),
+        Column("msd_speed_deg_s", "float64", "deg/s", "unsigned speed v of v^2 t^2 + 2 D t"),
+        Column("msd_diffusion_rad2_s", "float64", "rad^2/s", "D of v^2 t^2 + 2 D t"),
+        Column("msd_lag_min_s", "float64", "s", "first lag of that fit"),
+        Column("msd_lag_max_s", "float64", "s", "last lag of that fit"),
+        Column("msd_at_bound", "bool", "", "whether that fit ended at v = 0 or D = 0"),
+        Column("residual_sd_nm", "float64", "nm", "rms distance of the spots from the circle"),
+        Column("localisation_sd_nm", "float64", "nm", "median localisation uncertainty"),
+        Column("n_steps", "int64", "", "steps between adjacent frames"),
+        Column("step_sd_rad", "float64", "rad", "standard deviation of those steps"),
+    ),
+)
+
+DRIFT = Schema(
+    "drift",
+    (
+        Column("frame", "int64", "", "frame number, from 0", required=True),
+        Column("dx_nm", "float64", "nm", "drift subtracted from x", required=True),
+        Column("dy_nm", "float64", "nm", "drift subtracted from y", required=True),
+        Column("sd_nm", "float64", "nm", "standard deviation per axis, nan when unknown"),
+    ),
+)
+
+
+def empty(schema: Schema) -> pd.DataFrame:
+    """Return a table without rows that has every column of the schema."""
+    import pandas as pd
+
+    return pd.DataFrame({c.name: pd.Series(dtype=c.dtype) for c in schema.columns})
+
+
+def conform(table: pd.DataFrame, schema: Schema, source: str) -> pd.DataFrame:
+    """Return the table with the schema's dtypes and column order, unknown columns last.
+
+    Parameters
+    ----------
+    table
+        Any table; columns that the schema knows are converted.
+    schema
+        What the table should be.
+    source
+        File or variable named in errors.
+
+    Raises
+    ------
+    TableError
+        Required columns are missing or a column holds values of the wrong kind.
+    """
+    missing = [c.name for c in schema.columns if c.required and c.name not in table.columns]
+    if missing:
+        raise TableError(
+            f"{source} lacks the {schema.name} column(s) {', '.join(missing)}: it has "
+            f"{', '.join(map(str, table.columns)) or 'none'}"
+        )
+    known = [c for c in schema.columns if c.name in table.columns]
+    others = [name for name in table.columns if name not in schema.dtypes]
+    converted = table[[c.name for c in known] + others].copy()
+    for column in known:
+        try:
+            converted[column.name] = converted[column.name].astype(column.dtype)
+        except (ValueError, TypeError) as error:
+            raise TableError(
+                f"{source}: column {column.name} cannot be read as {column.dtype} ({error})"
+            ) from error
+    return converted
+
+
+def schema_metadata(schema: Schema, provenance: Mapping[str, object]) -> dict[str, object]:
+    """Build what a native table file records beside its rows: schema name, units, provenance."""
+    return {"table": schema.name, "units": schema.units, "provenance": dict(provenance)}
