@@ -13,11 +13,13 @@ class CameraOptions(Options):
 
     camera_model: str | None = option(None, "nominal values of a camera by name")
     camera_maps: str | None = option(
-        None, "npz file with per-pixel offset_adu, gain_e_per_adu and read_noise_e"
+        None, "file (.npz) with per-pixel offset_adu, gain_e_per_adu and read_noise_e"
     )
     offset_adu: float | None = option(None, "counts of a dark pixel, ADU")
     gain_e_per_adu: float | None = option(None, "photo-electrons per count", gt=0)
     read_noise_e: float | None = option(None, "read noise, electrons rms", ge=0)
     saturation_adu: float | None = option(
-        None, "counts from which a pixel is saturated, ADU (absent: the most the file can hold)", gt=0
+        None,
+        "counts from which a pixel is saturated, ADU (absent: the most the file can hold)",
+        gt=0,
     )

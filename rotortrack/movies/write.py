@@ -1,0 +1,138 @@
+"""Write movies as TIFF that this program and ImageJ read, frame by frame."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import itertools
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from rotortrack.errors import MovieError
+from rotortrack.files import atomic_path
+from rotortrack.movies.movie import NUMBER_TYPES
+
+_CLASSIC_BYTES = 2**32 - 2**24
+_DIRECTORY_BYTES = 512
+
+
+def write_movie(
+    path: Path,
+    frames: Iterable[NDArray[Any]],
+    *,
+    shape: tuple[int, int, int] | None = None,
+    pixel_size_nm: float | None = None,
+    frame_interval_s: float | None = None,
+    compression: Literal["zlib"] | None = None,
+) -> None:
+    """Write a movie atomically, holding one frame at a time.
+
+    One page a frame. The first page's description carries pixel size and frame interval in
+    ImageJ's words but no number of images, so that ImageJ reads the pages one by one: above 4 GB
+    and for compressed pages it would otherwise look for them in the wrong places.
+
+    Parameters
+    ----------
+    path
+        Where the file appears once it is whole.
+    frames
+        Frames (y, x) or blocks of frames (frame, y, x), all of one size and number type.
+    shape
+        Frames, rows, columns. Needed to know that the file stays below 4 GB; without it, and for
+        larger files, BigTIFF is written, which older versions of ImageJ open through Bio-Formats.
+    pixel_size_nm, frame_interval_s
+        Written when given.
+    compression
+        ``zlib`` (lossless) or None.
+
+    Raises
+    ------
+    MovieError
+        There are no frames, they differ in size or type, or they are not as many as `shape` says.
+    ResourceError
+        The disk is full or the folder cannot be written.
+    """
+    path = Path(path)
+    stream = _single_frames(frames)
+    first = next(stream, None)
+    if first is None:
+        raise MovieError(f"{path} is not written: there are no frames")
+    if first.dtype not in NUMBER_TYPES:
+        raise MovieError(
+            f"{path} is not written: frames of {first.dtype.name} are not supported; convert them "
+            f"to one of {', '.join(kind.name for kind in NUMBER_TYPES)}"
+        )
+    # The estimate holds for compressed frames too: noise hardly shrinks.
+    page_bytes = first.nbytes + _DIRECTORY_BYTES
+    big = shape is None or shape[0] * page_bytes > _CLASSIC_BYTES
+    per_micron = None if pixel_size_nm is None else (1e3 / pixel_size_nm,) * 2
+    description = _description(shape, pixel_size_nm, frame_interval_s)
+    count = 0
+    with (
+        atomic_path(path) as temporary,
+        _disk_errors_named(),
+        tifffile.TiffWriter(temporary, bigtiff=big) as writer,
+    ):
+        for frame in itertools.chain([first], stream):
+            if frame.shape != first.shape or frame.dtype != first.dtype:
+                raise MovieError(
+                    f"{path} is not written: frame {count} is {frame.dtype.name} of shape "
+                    f"{frame.shape}, the first {first.dtype.name} of {first.shape}"
+                )
+            writer.write(
+                np.ascontiguousarray(frame),
+                photometric="minisblack",
+                compression=compression,
+                resolution=per_micron,
+                resolutionunit="NONE",
+                description=description if count == 0 else None,
+                metadata=None,
+                software=False,
+                contiguous=False,
+            )
+            count += 1
+        if shape is not None and (count, *first.shape) != tuple(shape):
+            raise MovieError(
+                f"{path} is not written: shape {tuple(shape)} was announced, but the frames "
+                f"make {(count, *first.shape)}"
+            )
+
+
+@contextlib.contextmanager
+def _disk_errors_named() -> Iterator[None]:
+    """Give numpy's nameless error of a short write ("n requested and m written") its number."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise OSError(errno.ENOSPC, str(error)) from error
+        raise
+
+
+def _single_frames(frames: Iterable[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+    for block in frames:
+        if block.ndim not in (2, 3):
+            raise MovieError(
+                f"an array of shape {block.shape} is not a frame: give (y, x) or (frame, y, x)"
+            )
+        yield from block if block.ndim == 3 else block[np.newaxis]
+
+
+def _description(
+    shape: tuple[int, int, int] | None,
+    pixel_size_nm: float | None,
+    frame_interval_s: float | None,
+) -> str:
+    lines = ["ImageJ=1.54f"]
+    if shape is not None:
+        lines.append(f"frames={shape[0]}")
+    if pixel_size_nm is not None:
+        lines.append("unit=micron")
+    if frame_interval_s is not None:
+        lines.append(f"finterval={frame_interval_s!r}")
+    return "\n".join([*lines, "loop=false", ""])
