@@ -1,0 +1,156 @@
+"""Angles about the fitted circle, steps by the published 180-degree rule, cumulative angle.
+
+Angles are counter-clockwise as seen on the displayed image: x points right and y points down, so
+``theta = atan2(-(y - y_c), x - x_c)``.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rotortrack.errors import TableError
+from rotortrack.flags import FitFlag
+from rotortrack.tables import TRACKS, conform
+from rotortrack.units import TURN_RAD
+
+Floats = NDArray[np.float64]
+GapMode = Literal["drop", "bridge"]
+
+
+def angle(x_nm: Floats, y_nm: Floats, centre_x_nm: Floats, centre_y_nm: Floats) -> Floats:
+    """Angle of points about a centre, in (-pi, pi] rad, counter-clockwise on the displayed image.
+
+    Parameters
+    ----------
+    x_nm, y_nm
+        Positions in nm, y down.
+    centre_x_nm, centre_y_nm
+        Centre of the circle in nm, one for all points or one a point.
+    """
+    return np.arctan2(-(y_nm - centre_y_nm), x_nm - centre_x_nm)
+
+
+def step(theta_rad: Floats, next_theta_rad: Floats) -> Floats:
+    """Step between two angles in (-pi, pi], exactly as published.
+
+    ``a = (next - theta) mod 2 pi``; up to and including 180 degrees it counts as a
+    counter-clockwise step ``a``, above as a clockwise step ``a - 2 pi``. `numpy.unwrap` differs
+    at the tie.
+    """
+    forward = np.mod(next_theta_rad - theta_rad, TURN_RAD)
+    return np.where(forward <= np.pi, forward, forward - TURN_RAD)
+
+
+def angle_sd(
+    theta_rad: Floats, x_sd_nm: Floats, y_sd_nm: Floats, uncertainty_nm: Floats, radius_nm: Floats
+) -> Floats:
+    """Give the standard deviation of an angle: the position's along the tangent, over the radius.
+
+    Where x_sd_nm or y_sd_nm is nan, uncertainty_nm (the rms of both) stands for the tangent's.
+    The result, in rad, is of first order, hence good below about 0.3.
+    """
+    tangent_nm = np.hypot(np.sin(theta_rad) * x_sd_nm, np.cos(theta_rad) * y_sd_nm)
+    return np.where(np.isnan(tangent_nm), uncertainty_nm, tangent_nm) / radius_nm
+
+
+def build_tracks(
+    localisations: pd.DataFrame,
+    rotors: pd.DataFrame,
+    *,
+    frame_interval_s: float,
+    gap_mode: GapMode,
+) -> pd.DataFrame:
+    """Build one row a rotor and frame, with angle, step and cumulative angle.
+
+    Parameters
+    ----------
+    localisations
+        Clustered localisations: the column `rotor`, and `FitFlag.DUPLICATE` set on all but one
+        row of a rotor and frame; flagged rows are not used.
+    rotors
+        Table with the circles. A rotor without a circle (radius nan) gets no rows, because its
+        angles have no centre; a refused rotor does get them, to show why it was refused.
+    frame_interval_s
+        Time between frame starts, s.
+    gap_mode
+        "drop": `step_rad` is the step from the adjacent frame and nan after a gap.
+        "bridge": `step_rad` is the step from the last frame before, however long ago.
+
+    Returns
+    -------
+    DataFrame
+        Columns of `tables.TRACKS`, sorted by rotor and frame. `cumulative_rad` is the running
+        sum of bridged steps in either mode, so that it can be drawn without breaks: across a gap
+        it assumes less than half a turn.
+
+    Raises
+    ------
+    TableError
+        The column `rotor` is missing, or a rotor has two usable rows in one frame.
+    """
+    if "rotor" not in localisations.columns:
+        raise TableError("the localisations lack the column rotor: cluster them first")
+    rows = _usable(localisations)
+    circles = rotors.set_index("rotor")[["x_nm", "y_nm", "radius_nm"]]
+    circles = circles[circles["radius_nm"].notna()]
+    rows = rows[rows["rotor"].isin(circles.index)].sort_values(["rotor", "frame"])
+    rotor = rows["rotor"].to_numpy("int64")
+    frame = rows["frame"].to_numpy("int64")
+    same_rotor = rotor[1:] == rotor[:-1]
+    frames_apart = np.diff(frame)
+    if np.any(same_rotor & (frames_apart == 0)):
+        where = int(np.flatnonzero(same_rotor & (frames_apart == 0))[0])
+        raise TableError(
+            f"rotor {rotor[where]} has several localisations in frame {frame[where]}: cluster "
+            "again, so that all but one are flagged as duplicates"
+        )
+    circle = circles.loc[rotor]
+    radius = circle["radius_nm"].to_numpy("float64")
+    x, y = _column(rows, "x_nm"), _column(rows, "y_nm")
+    theta = angle(x, y, circle["x_nm"].to_numpy("float64"), circle["y_nm"].to_numpy("float64"))
+    sd = angle_sd(
+        theta,
+        _column(rows, "x_sd_nm"),
+        _column(rows, "y_sd_nm"),
+        _column(rows, "uncertainty_nm"),
+        radius,
+    )
+    bridged = np.full(rotor.size, np.nan)
+    bridged[1:] = np.where(same_rotor, step(theta[:-1], theta[1:]), np.nan)
+    steps = bridged.copy()
+    if gap_mode == "drop":
+        steps[1:][frames_apart != 1] = np.nan
+    cumulative = pd.Series(np.nan_to_num(bridged)).groupby(rotor).cumsum().to_numpy("float64")
+    table = pd.DataFrame(
+        {
+            "rotor": rotor,
+            "frame": frame,
+            "time_s": frame * frame_interval_s,
+            "x_nm": x,
+            "y_nm": y,
+            "theta_rad": theta,
+            "theta_sd_rad": sd,
+            "step_rad": steps,
+            "cumulative_rad": cumulative,
+            "used": np.ones(rotor.size, bool),
+        }
+    )
+    return conform(table, TRACKS, "tracks")
+
+
+def _usable(localisations: pd.DataFrame) -> pd.DataFrame:
+    usable = localisations["rotor"] >= 0
+    if "fit_flags" in localisations.columns:
+        usable &= (localisations["fit_flags"] & int(FitFlag.DUPLICATE)) == 0
+    return localisations[usable]
+
+
+def _column(rows: pd.DataFrame, name: str) -> Floats:
+    """Return a column as float64, nan where a foreign table does not have it."""
+    if name not in rows.columns:
+        return np.full(len(rows), np.nan)
+    return rows[name].to_numpy("float64")

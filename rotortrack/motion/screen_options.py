@@ -1,0 +1,43 @@
+"""Options of the screening of rotors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rotortrack.settings import Options, option
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScreenOptions(Options):
+    """Which rotors are measured."""
+
+    min_frames: int = option(100, "frames with a localisation that a rotor needs", ge=1)
+    min_detection: float = option(
+        0.05, "part of all frames in which a rotor must have been localised", ge=0, le=1
+    )
+    max_duplicates: float = option(
+        0.1, "part of a rotor's frames that may hold a second localisation", ge=0, le=1
+    )
+    max_intensity_step: float = option(
+        1.4, "intensity may rise in a step by less than this factor", gt=1
+    )
+    min_spread: float = option(
+        1.3, "spread of the positions per axis over their localisation uncertainty", ge=0
+    )
+    min_ring_evidence: float = option(
+        6.0, "difference of information criteria by which a ring must be preferred to a blob", ge=0
+    )
+    arc_elongation: float = option(
+        1.3, "a blob stretched by this factor is a short arc and not an immobile spot", ge=1
+    )
+    min_arc_deg: float = option(90.0, "part of its circle that a rotor must visit", ge=0, le=360)
+    max_residual: float = option(
+        4.0, "scatter about the circle over the localisation uncertainty", gt=0
+    )
+    max_radius_error: float = option(0.2, "standard deviation of the radius over the radius", gt=0)
+    neighbour_margin_nm: float = option(
+        300.0, "gap that must lie between the circles of two rotors, nm", ge=0
+    )
+    neighbour_share: float = option(
+        0.1, "a neighbour counts when it has this part of the rotor's localisations", ge=0
+    )

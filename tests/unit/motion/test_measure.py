@@ -1,0 +1,181 @@
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rotortrack import tables
+from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
+from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle
+from rotortrack.motion.options import MotionOptions
+
+FRAME_S = 0.002
+MEASURED = ["omega_rad_s", "omega_sd_rad_s", "speed_deg_s", "speed_ci_low_deg_s", "rev_per_s"]
+
+
+def tracks_table(*rotors):
+    """Tracks of rotors given as (number, frames, angles)."""
+    parts = [
+        pd.DataFrame({"rotor": number, "frame": frame, "theta_rad": theta, "used": True})
+        for number, frame, theta in rotors
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def rotors_table(*numbers, **columns):
+    table = pd.DataFrame({"rotor": numbers, "x_nm": 1.0, "y_nm": 2.0, "radius_nm": 30.0})
+    return table.assign(**columns)
+
+
+def measure(tracks, rotors, exposure_s=FRAME_S, **options):
+    return measure_motion(
+        tracks,
+        rotors,
+        MotionOptions(**options),
+        frame_interval_s=FRAME_S,
+        exposure_s=exposure_s,
+    )
+
+
+@pytest.fixture
+def driven_and_stuck(turning):
+    rng = np.random.default_rng(9)
+    return tracks_table(
+        (4, *turning(rng, 4000, omega=-20.0, diffusion=2.0, sigma=0.1)),
+        (7, *turning(rng, 4000, sigma=0.1)),
+        (9, *turning(rng, 4000, diffusion=10.0, sigma=0.1)),
+    )
+
+
+def test_every_motion_column_is_filled_consistently(driven_and_stuck):
+    found = measure(driven_and_stuck, rotors_table(9, 4, 7)).set_index("rotor")
+    assert found["behaviour"].to_dict() == {9: "brownian", 4: "driven_cw", 7: "stuck"}
+    row = found.loc[4]
+    assert abs(row["omega_rad_s"] + 20.0) < 3.5 * row["omega_sd_rad_s"] < 4.0
+    assert row["speed_deg_s"] == pytest.approx(np.rad2deg(row["omega_rad_s"]))
+    assert row["rev_per_s"] == pytest.approx(row["speed_deg_s"] / 360.0)
+    half = 0.5 * (row["speed_ci_high_deg_s"] - row["speed_ci_low_deg_s"])
+    assert half == pytest.approx(1.96 * np.rad2deg(row["omega_sd_rad_s"]), rel=0.01)
+    assert row["diffusion_rad2_s"] == pytest.approx(2.0, abs=4 * row["diffusion_sd_rad2_s"])
+    assert row["msd_speed_deg_s"] == pytest.approx(-row["speed_deg_s"], rel=0.1)
+    assert row["msd_lag_min_s"] == FRAME_S
+    assert row["msd_lag_max_s"] == pytest.approx(999 * FRAME_S)
+    assert row["n_steps"] == 3999
+    assert row["step_sd_rad"] == pytest.approx(np.sqrt(4 * FRAME_S * 2 / 3 + 0.02), rel=0.05)
+    assert row["radius_nm"] == 30.0
+
+
+def test_columns_and_types_are_those_of_the_schema(driven_and_stuck):
+    rotors = rotors_table(4, 7, verdict="kept", note="mine", omega_rad_s=99.0)
+    found = measure(driven_and_stuck, rotors)
+    known = [name for name in tables.ROTORS.names if name in found]
+    assert list(found) == [*known, "note"]
+    assert found["msd_at_bound"].dtype == bool
+    assert found["n_steps"].dtype == np.int64
+    assert set(MEASURED) < set(found)
+    assert not (found["omega_rad_s"] == 99.0).any()
+
+
+def test_refused_rotors_are_not_measured(driven_and_stuck):
+    rotors = rotors_table(4, 7, 9, verdict=["kept", "refused", "kept"], reason=["", "immobile", ""])
+    refused = measure(driven_and_stuck, rotors).set_index("rotor").loc[7]
+    assert refused[MEASURED].isna().all()
+    assert np.isnan(refused["msd_speed_deg_s"])
+    assert refused["behaviour"] == "unclassified"
+    assert refused["n_steps"] == 0
+    assert not refused["msd_at_bound"]
+
+
+def test_rotors_without_a_track_and_with_a_single_frame_get_nan():
+    found = measure(tracks_table((0, [5], [0.3])), rotors_table(0, 1))
+    assert found[MEASURED].isna().all(axis=None)
+    assert found["behaviour"].tolist() == ["unclassified", "unclassified"]
+
+
+def test_empty_tables_give_an_empty_table_with_all_columns():
+    found = measure(tables.empty(tables.TRACKS), tables.empty(tables.ROTORS))
+    assert found.empty
+    assert list(found) == tables.ROTORS.names
+
+
+@pytest.mark.parametrize("frames", [[0, 1], [0, 9], [0, 1, 2], [3, 4, 6, 7, 9, 10]])
+def test_very_short_tracks_stay_unclassified_without_failing(frames):
+    theta = np.linspace(0.0, 1.0, len(frames)) ** 2
+    found = measure(tracks_table((0, frames, theta)), rotors_table(0))
+    assert found["behaviour"].tolist() == ["unclassified"]
+
+
+def test_unused_rows_do_not_enter(driven_and_stuck):
+    broken = driven_and_stuck.copy()
+    wrong = broken["frame"].between(1000, 1100)
+    broken.loc[wrong, "theta_rad"] = 0.0
+    broken.loc[wrong, "used"] = False
+    without = driven_and_stuck[~wrong]
+    rotors = rotors_table(4, 7, 9)
+    pd.testing.assert_frame_equal(measure(broken, rotors), measure(without, rotors))
+
+
+def test_the_order_of_rows_does_not_matter(driven_and_stuck):
+    rotors = rotors_table(4, 7, 9)
+    shuffled = driven_and_stuck.sample(frac=1.0, random_state=3)
+    pd.testing.assert_frame_equal(measure(shuffled, rotors), measure(driven_and_stuck, rotors))
+
+
+def test_a_missing_exposure_is_the_frame_interval_with_a_warning(driven_and_stuck):
+    rotors = rotors_table(4)
+    with pytest.warns(ExposureWarning, match="give exposure_s"):
+        found = measure(driven_and_stuck, rotors, exposure_s=None)
+    pd.testing.assert_frame_equal(found, measure(driven_and_stuck, rotors))
+
+
+def test_an_exposure_longer_than_the_frame_interval_is_an_error(driven_and_stuck):
+    with pytest.raises(ConfigurationError, match=r"0\.003, longer than frame_interval_s 0\.002"):
+        measure(driven_and_stuck, rotors_table(4), exposure_s=0.003)
+
+
+def test_tracks_without_angles_are_an_error():
+    tracks = tables.empty(tables.TRACKS).drop(columns="theta_rad")
+    with pytest.raises(TableError, match="theta_rad"):
+        measure(tracks, rotors_table(0))
+
+
+def test_wide_steps_are_warned_of_once_with_the_rotors_named(turning):
+    rng = np.random.default_rng(1)
+    wide = [(n, *turning(rng, 300, diffusion=400.0)) for n in (3, 8)]
+    narrow = (5, *turning(rng, 300, diffusion=10.0))
+    tracks = tracks_table(*wide, narrow)
+    with pytest.warns(AngleWarning, match=r"2 rotor\(s\).*: 3, 8;") as caught:
+        measure(tracks, rotors_table(3, 5, 8))
+    assert len(caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        measure(tracks, rotors_table(3, 5, 8, verdict=["refused", "kept", "refused"]))
+
+
+def test_the_options_choose_the_lags_and_the_noise_term_of_the_msd_fit(turning):
+    track = turning(np.random.default_rng(5), 4000, omega=10.0, diffusion=2.0, sigma=0.3)
+    times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
+    plain = measure_rotor(*track, MotionOptions(msd_lags=50), **times).msd_fit
+    noisy = measure_rotor(*track, MotionOptions(msd_lags=50, msd_noise=True), **times).msd_fit
+    assert plain.lag_max_s == noisy.lag_max_s == pytest.approx(50 * FRAME_S)
+    assert noisy.noise_sd_rad == pytest.approx(0.3, rel=0.05)
+    assert plain.noise_sd_rad == 0.0
+    assert plain.diffusion_rad2_s > 1.3 * noisy.diffusion_rad2_s
+
+
+def test_unbroken_angle_counts_on_across_gaps():
+    angle = unbroken_angle(np.array([3, 4, 7]), np.array([3.0, -3.0, -2.5]))
+    expected = [0.0, 2 * np.pi - 6.0, np.nan, np.nan, 2 * np.pi - 5.5]
+    np.testing.assert_allclose(angle, expected)
+
+
+def test_bridged_and_dropped_gaps_differ_in_the_speed_alone_that_they_use(turning):
+    rng = np.random.default_rng(2)
+    track = turning(rng, 3000, omega=20.0, diffusion=2.0, sigma=0.2, missing=0.3)
+    times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
+    drop = measure_rotor(*track, MotionOptions(), **times)
+    bridge = measure_rotor(*track, MotionOptions(gap_mode="bridge"), **times)
+    assert drop.steps == bridge.steps
+    assert drop.msd_fit == bridge.msd_fit
+    # The noisy ends of many runs cost what the bridges save.
+    assert bridge.speed.omega_sd_rad_s < 0.7 * drop.speed.omega_sd_rad_s
