@@ -52,7 +52,11 @@ class ConfigurationError(RotortrackError):
 
     def __init__(self, *mistakes: str) -> None:
         self.mistakes = mistakes
-        super().__init__("; ".join(mistakes))
+        # All mistakes are the arguments, so that the error survives the way from a worker.
+        super().__init__(*mistakes)
+
+    def __str__(self) -> str:
+        return "; ".join(self.mistakes)
 
 
 class NothingFoundError(RotortrackError):

@@ -32,16 +32,17 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         _flush(temporary)
         temporary.replace(path)
-        _flush(path.parent)
+        _flush_folder(path.parent)
     except OSError as error:
-        if error.errno in _RESOURCE_ERRORS:
+        if error.errno in _RESOURCE_ERRORS and _concerns(error, temporary):
             raise ResourceError(
                 f"{path} cannot be written ({os.strerror(error.errno or 0)}): free space, or "
                 "choose another folder with -o"
             ) from error
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def write_text(path: Path, text: str) -> None:
@@ -57,6 +58,7 @@ _RESOURCE_ERRORS = {
     errno.EIO,
     errno.EISDIR,
     errno.EEXIST,
+    errno.ENAMETOOLONG,
     errno.ENOSPC,
     errno.ENOTDIR,
     errno.EPERM,
@@ -64,13 +66,23 @@ _RESOURCE_ERRORS = {
 }
 
 
-def _flush(path: Path) -> None:
+def _concerns(error: OSError, temporary: Path) -> bool:
+    """Whether the failure is about the file being written and not one that the block reads."""
+    if not isinstance(error.filename, str | bytes):
+        return True
+    return Path(os.fsdecode(error.filename)) in (temporary, *temporary.parents)
+
+
+def _flush(path: Path, flags: int = os.O_RDWR) -> None:
     """Ask the system to put a file's or folder's content on the disk."""
-    flags = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) if path.is_dir() else os.O_RDWR
-    if path.is_dir() and os.name == "nt":
-        return
     descriptor = os.open(path, flags)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _flush_folder(path: Path) -> None:
+    """Put the new name on the disk too, where the system can: some shares and Windows cannot."""
+    with contextlib.suppress(OSError):
+        _flush(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))

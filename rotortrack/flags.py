@@ -49,7 +49,7 @@ _SENTENCES = {
         "neighbour."
     ),
     FitFlag.NOT_FINITE: "The fit window holds no usable numbers; check the camera settings.",
-    FitFlag.AT_BOUND: "Background or photons reached zero, so their errors are one-sided.",
+    FitFlag.AT_BOUND: "The background reached zero, so its error is one-sided.",
     FitFlag.SATURATED: (
         "A pixel of the window is saturated, so photons and width are unreliable; lower the "
         "exposure or the laser power."

@@ -16,7 +16,7 @@ import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config as numba_config
@@ -32,19 +32,18 @@ def kernel(function: _Function) -> _Function:
     Fused multiply-add is allowed (`contract`), nothing that changes how NaN behaves.
     """
     folder = cache_folder()
-    compile_ = functools.partial(
-        numba.njit, nogil=True, error_model="numpy", fastmath={"contract"}
+    compile_ = numba.njit(
+        nogil=True, error_model="numpy", fastmath={"contract"}, cache=folder is not None
     )
-    if folder is None:
-        compiled: _Function = compile_()(function)
-        return compiled
     # numba reads the folder when the function is decorated; other packages keep their own.
-    other_folder, numba_config.CACHE_DIR = numba_config.CACHE_DIR, str(folder)
+    config: Any = numba_config
+    other_folder = config.CACHE_DIR
+    if folder is not None:
+        config.CACHE_DIR = str(folder)
     try:
-        cached: _Function = compile_(cache=True)(function)
+        return cast(_Function, compile_(function))
     finally:
-        numba_config.CACHE_DIR = other_folder
-    return cached
+        config.CACHE_DIR = other_folder
 
 
 @functools.cache
@@ -59,11 +58,8 @@ def cache_folder() -> Path | None:
     folder = _user_cache() / f"kernels-{source_hash()}"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        status = folder.stat()
-        if os.name == "posix" and (
-            status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & 0o077
-        ):
-            raise PermissionError(f"{folder} is open to other users")
+        if os.name == "posix":
+            _refuse_open_to_others(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
@@ -75,6 +71,16 @@ def cache_folder() -> Path | None:
         )
         return None
     return folder
+
+
+def _refuse_open_to_others(folder: Path) -> None:
+    """Raise when somebody else could have put kernels into the folder or exchange it."""
+    own = folder.stat()
+    if own.st_uid != os.geteuid() or own.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise PermissionError("it is open to other users")
+    above = folder.parent.stat()
+    if above.st_mode & stat.S_IWOTH and not above.st_mode & stat.S_ISVTX:
+        raise PermissionError(f"{folder.parent} is open to other users")
 
 
 def source_hash() -> str:

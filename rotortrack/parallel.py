@@ -58,4 +58,4 @@ def map_ordered(
         for future in pending:
             future.cancel()
         if own is not None:
-            own.shutdown()
+            own.shutdown(cancel_futures=True)

@@ -11,6 +11,7 @@ import dataclasses
 import difflib
 import functools
 import tomllib
+import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -83,14 +84,22 @@ class OptionField:
 
     @property
     def choices(self) -> tuple[str | int, ...]:
-        """The allowed words or numbers, empty when the option is not a choice."""
-        for part in (self.annotation, *typing.get_args(self.annotation)):
-            if typing.get_origin(part) is typing.Literal:
-                return typing.get_args(part)
+        """The allowed words or numbers, empty when other values are allowed too."""
+        if len(self.types) == 1 and typing.get_origin(self.types[0]) is typing.Literal:
+            return typing.get_args(self.types[0])
         return ()
 
+    @property
+    def types(self) -> tuple[Any, ...]:
+        """The types that a value may have, ``None`` left out."""
+        origin = typing.get_origin(self.annotation)
+        if origin is typing.Union or origin is types.UnionType:
+            parts = typing.get_args(self.annotation)
+            return tuple(part for part in parts if part is not type(None))
+        return (self.annotation,)
+
     def problem(self, value: Any) -> str | None:
-        """What is wrong with `value` of the right type, as the end of a sentence."""
+        """Say what is wrong with `value` of the right type, as the end of a sentence."""
         if value is None:
             return None
         if self.choices and value not in self.choices:
@@ -109,9 +118,13 @@ class OptionField:
         return self.check(value) if self.check else None
 
 
-@functools.cache
 def option_fields(options_class: type) -> tuple[OptionField, ...]:
     """List the options of a class in the order of their declaration."""
+    return _option_fields(options_class)
+
+
+@functools.cache
+def _option_fields(options_class: type) -> tuple[OptionField, ...]:
     hints = typing.get_type_hints(options_class)
     return tuple(
         OptionField(
@@ -183,7 +196,8 @@ def read_toml(path: Path) -> dict[str, dict[str, Any]]:
         The file is missing, is not UTF-8 TOML, or holds keys outside a section.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        # Windows editors put a byte order mark in front, which TOML does not know.
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
@@ -212,12 +226,13 @@ def resolve(classes: Mapping[str, type], layers: Sequence[Layer]) -> Settings:
     for layer in layers:
         for section, values in layer.values.items():
             if section not in classes:
-                mistakes.append(f"{layer.origin}: [{section}] is not a section{_hint(section, classes)}")
+                hint = _hint(section, classes)
+                mistakes.append(f"{layer.origin}: [{section}] is not a section{hint}")
                 continue
             mistakes.extend(_take(classes[section], layer, section, values, chosen, origins))
     if mistakes:
         raise ConfigurationError(*mistakes)
-    sections = {section: options_class(**chosen[section]) for section, options_class in classes.items()}
+    sections = {name: options_class(**chosen[name]) for name, options_class in classes.items()}
     for section, options_class in classes.items():
         for field in option_fields(options_class):
             origins.setdefault(f"{section}.{field.name}", "default")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rotortrack.errors import TableError
 
@@ -42,7 +42,7 @@ class Schema:
 
     @property
     def dtypes(self) -> dict[str, str]:
-        """numpy dtype name of every column."""
+        """Name of the numpy dtype of every column."""
         return {column.name: column.dtype for column in self.columns}
 
     @property
@@ -116,6 +116,7 @@ ROTORS = Schema(
         Column("msd_at_bound", "bool", "", "whether that fit ended at v = 0 or D = 0"),
         Column("residual_sd_nm", "float64", "nm", "rms distance of the spots from the circle"),
         Column("localisation_sd_nm", "float64", "nm", "median localisation uncertainty"),
+        Column("circle", "str", "", "how the circle fit ended, fitted or why there is none"),
         Column("n_steps", "int64", "", "steps between adjacent frames"),
         Column("step_sd_rad", "float64", "rad", "standard deviation of those steps"),
     ),
@@ -128,6 +129,17 @@ DRIFT = Schema(
         Column("dx_nm", "float64", "nm", "drift subtracted from x", required=True),
         Column("dy_nm", "float64", "nm", "drift subtracted from y", required=True),
         Column("sd_nm", "float64", "nm", "standard deviation per axis, nan when unknown"),
+    ),
+)
+
+DECISIONS = Schema(
+    "decisions",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("feature", "str", "", "what was looked at", required=True),
+        Column("value", "float64", "", "its value", required=True),
+        Column("threshold", "float64", "", "the limit that it was held against", required=True),
+        Column("passed", "bool", "", "whether it kept the limit", required=True),
     ),
 )
 
@@ -156,6 +168,9 @@ def conform(table: pd.DataFrame, schema: Schema, source: str) -> pd.DataFrame:
     TableError
         Required columns are missing or a column holds values of the wrong kind.
     """
+    twice = table.columns[table.columns.duplicated()]
+    if len(twice):
+        raise TableError(f"{source} has the column {twice[0]} more than once")
     missing = [c.name for c in schema.columns if c.required and c.name not in table.columns]
     if missing:
         raise TableError(
@@ -167,12 +182,38 @@ def conform(table: pd.DataFrame, schema: Schema, source: str) -> pd.DataFrame:
     converted = table[[c.name for c in known] + others].copy()
     for column in known:
         try:
-            converted[column.name] = converted[column.name].astype(column.dtype)
-        except (ValueError, TypeError) as error:
+            converted[column.name] = _cast(converted[column.name], column.dtype)
+        except (ValueError, TypeError, OverflowError) as error:
             raise TableError(
                 f"{source}: column {column.name} cannot be read as {column.dtype} ({error})"
             ) from error
     return converted
+
+
+def _cast(values: pd.Series[Any], dtype: Any) -> pd.Series[Any]:
+    """Convert without the silent losses of `astype`: 1.5 is no integer and "False" no truth."""
+    import pandas as pd
+
+    if dtype == "bool":
+        known = {True: True, False: False, "true": True, "false": False}
+        words = values.map(lambda value: value.lower() if isinstance(value, str) else value)
+        strange = values[~words.isin(list(known))]
+        if len(strange):
+            raise ValueError(f"{strange.iloc[0]!r} is neither true nor false")
+        return words.map(known).astype(bool)
+    if not dtype.startswith("int"):
+        converted: pd.Series[Any] = values.astype(dtype)
+        return converted
+    numbers = pd.to_numeric(values)
+    fraction = numbers[~(numbers % 1 == 0)]
+    if len(fraction):
+        raise ValueError(f"{fraction.iloc[0]} is not a whole number")
+    bound = 2.0 ** (int(dtype[3:]) - 1)
+    large = numbers[(numbers >= bound) | (numbers < -bound)]
+    if len(large):
+        raise ValueError(f"{large.iloc[0]} is too large")
+    whole: pd.Series[Any] = numbers.astype(dtype)
+    return whole
 
 
 def schema_metadata(schema: Schema, provenance: Mapping[str, object]) -> dict[str, object]:

@@ -1,1 +1,1 @@
-"""The command line of rotortrack."""
+"""The command line of rotortrack: it reads flags, calls the library and prints."""

@@ -1,5 +1,183 @@
-"""Entry point."""
+"""The `rotortrack` command: finds the subcommand, and turns every failure into an exit code.
+
+Nothing scientific is imported here, nor is the code of any subcommand before it is called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from types import FrameType
+
+import click
+
+from rotortrack.errors import ConfigurationError, RotortrackError
+from rotortrack_cli.console import Console
+from rotortrack_cli.exits import Exit
+from rotortrack_cli.lazy import LazyGroup
+
+_COMMANDS = {
+    "run": "The whole workflow: movie to rotor speeds, figures and summary.",
+    "info": "What is in a movie or run folder and what was understood of it.",
+    "localise": "Movie to localisations: wavelet filter, candidates, fits.",
+    "drift": "Estimate stage drift and subtract it from localisations.",
+    "filter": "Keep localisations that are precise and have neighbours.",
+    "rotors": "Localisations to rotors: clusters, circles, screening.",
+    "motion": "Rotors to angles, speeds, diffusion and behaviour.",
+    "simulate": "Movies of rotors whose motion is known.",
+    "convert": "Localisations from one program's format to another's.",
+}
 
 
-def main() -> None:
-    """Run the command line."""
+class Terminated(KeyboardInterrupt):
+    """SIGTERM; a kind of KeyboardInterrupt so that one handler tidies up after both."""
+
+
+@click.command(
+    "rotortrack",
+    cls=LazyGroup,
+    lazy={name: (f"rotortrack_cli.commands.{name}", text) for name, text in _COMMANDS.items()},
+    aliases={"localize": "localise"},
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(package_name="rotortrack", message="%(prog)s %(version)s")
+@click.option(
+    "--traceback",
+    "show_traceback",
+    is_flag=True,
+    envvar="ROTORTRACK_TRACEBACK",
+    help="Show where in the code a failure happened.",
+)
+def rotortrack(show_traceback: bool) -> None:
+    """Track nanoscale rotors: from a fluorescence movie to speeds with error bars."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        What stands behind `rotortrack`; `sys.argv` when not given.
+    """
+    console = Console()
+    wants_traceback = False
+    try:
+        with console.showing_warnings(), _terminable():
+            if "_ROTORTRACK_COMPLETE" in os.environ:
+                rotortrack.main(arguments, "rotortrack")
+            given = list(sys.argv[1:] if arguments is None else arguments)
+            context = rotortrack.make_context("rotortrack", given, obj=console)
+            wants_traceback = context.params["show_traceback"]
+            with context:
+                rotortrack.invoke(context)
+            sys.stdout.flush()
+        return Exit.DONE
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except BaseException as failure:
+        if isinstance(failure, SystemExit):
+            raise
+        code, sentences = _explain(failure)
+        with contextlib.suppress(OSError):
+            if wants_traceback and code is not Exit.USAGE:
+                console.error_text(traceback.format_exc())
+            for sentence in sentences:
+                console.error(sentence)
+        if code is Exit.READER_GONE:
+            _abandon_stdout()
+        return code
+
+
+def _explain(failure: BaseException) -> tuple[int, Sequence[str]]:
+    """Choose the exit code and the lines that tell the user what happened."""
+    match failure:
+        case click.UsageError():
+            return Exit.USAGE, _usage_sentences(failure)
+        case click.ClickException():
+            return Exit.USAGE, [failure.format_message()]
+        case ConfigurationError():
+            return Exit.CONFIGURATION, failure.mistakes
+        case RotortrackError():
+            return failure.exit_code, [str(failure)]
+        case Terminated():
+            return Exit.TERMINATED, ["stopped by the system"]
+        case KeyboardInterrupt() | click.Abort():
+            return Exit.INTERRUPTED, ["stopped"]
+        case MemoryError():
+            return Exit.RESOURCES, [
+                "the memory does not suffice: close other programs, or use fewer --workers, "
+                "fewer frames or a smaller region"
+            ]
+        case BrokenPipeError():
+            return Exit.READER_GONE, []
+        case OSError() if failure.errno in _RESOURCE_ERRORS:
+            return Exit.RESOURCES, [_resource_sentence(failure)]
+    return Exit.BUG, [
+        f"this is a bug in rotortrack, please report it: {type(failure).__name__}: {failure} "
+        "(run `rotortrack --traceback ...` or set ROTORTRACK_TRACEBACK=1 to see where it happened)"
+    ]
+
+
+def _usage_sentences(failure: click.UsageError) -> list[str]:
+    lines = failure.format_message().splitlines()
+    path = failure.ctx.command_path if failure.ctx else "rotortrack"
+    return [*lines, f"see {path} --help"]
+
+
+_RESOURCE_ERRORS = {
+    errno.EACCES,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.ENOSPC,
+    errno.EPERM,
+    errno.EROFS,
+}
+
+
+def _resource_sentence(failure: OSError) -> str:
+    what = f"{failure.filename}: " if failure.filename else ""
+    return (
+        f"{what}{os.strerror(failure.errno or 0)}: free disk space or memory, or use files and "
+        "folders that you may read and write"
+    )
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Turn SIGTERM into an exception, so that it tidies up like SIGINT."""
+
+    def stop(_signal: int, _frame: FrameType | None) -> None:
+        raise Terminated
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:
+        # Not the main thread: the host program handles its signals.
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _abandon_stdout() -> None:
+    """Let Python's flush at exit go nowhere instead of failing a second time."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+"""`rotortrack localise`: movie to localisations."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from rotortrack.errors import NothingFoundError
+from rotortrack_cli.console import Console
+from rotortrack_cli.flags import FILE, Given, gather, output_option, stage_options
+from rotortrack_cli.stage_option import StageCommand
+from rotortrack_cli.stages import Stages
+
+
+@click.command("localise", cls=StageCommand)
+@click.argument("movie", metavar="MOVIE", type=FILE)
+@output_option("LOCS", "Table to write: .parquet, .csv (ThunderSTORM) or .hdf5 (Picasso).")
+@stage_options("movie", "camera", "localise")
+@click.pass_obj
+def command(console: Console, movie: Path, output: Path, given: Given) -> None:
+    """Find and fit the spots of every frame of MOVIE."""
+    start = time.perf_counter()
+    layers = gather(given)
+    from rotortrack.pipeline.localise_run import localise_to_file, opened
+
+    with opened(movie, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
+        counts = localise_to_file(source, output, {}, workers=given.workers, progress=stages)
+        frames = source.movie.shape[0]
+    seconds = time.perf_counter() - start
+    console.text(
+        f"{counts.localisations} localisations in {frames} frames written to {output}\n"
+        f"{counts.candidates} candidates; {counts.left_window} fits left their window, "
+        f"{counts.undetermined} did not settle; {counts.saturated} spots with saturated pixels"
+    )
+    console.json(
+        {
+            "localisations": counts.localisations,
+            "frames": frames,
+            "seconds": round(seconds, 3),
+            "localisations_per_s": round(counts.localisations / seconds, 1),
+        }
+    )
+    if given.strict and counts.localisations == 0:
+        raise NothingFoundError(f"{movie} has no spot above the threshold: lower --threshold")

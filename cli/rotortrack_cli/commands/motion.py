@@ -1,0 +1,36 @@
+"""`rotortrack motion`: rotors to speeds."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from rotortrack_cli.console import Console
+from rotortrack_cli.flags import FILE, Given, gather, stage_options
+from rotortrack_cli.stage_option import StageCommand
+from rotortrack_cli.stages import Stages
+
+
+@click.command("motion", cls=StageCommand)
+@click.argument("run", metavar="RUN", type=FILE)
+@click.option("--no-figures", is_flag=True, help="Write tables alone.")
+@stage_options("movie", "motion")
+@click.pass_obj
+def command(console: Console, run: Path, no_figures: bool, given: Given) -> None:
+    """Measure angles, speeds, diffusion and behaviour of the rotors in the run folder RUN."""
+    start = time.perf_counter()
+    layers = gather(given)
+    from rotortrack.pipeline.run import motion_of_run
+    from rotortrack_cli.figures import draw
+    from rotortrack_cli.summary import require_rotors, rotors_as_json, show_run
+
+    with Stages(console) as stages:
+        result = motion_of_run(run, layers, progress=stages)
+        if not no_figures:
+            draw(result, stages)
+    seconds = time.perf_counter() - start
+    show_run(console, result, seconds)
+    console.json({"rotors": rotors_as_json(result.rotors), "seconds": round(seconds, 3)})
+    require_rotors(result, strict=given.strict)

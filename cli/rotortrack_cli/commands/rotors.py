@@ -1,0 +1,44 @@
+"""`rotortrack rotors`: localisations to rotors."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from rotortrack_cli.console import Console
+from rotortrack_cli.flags import FILE, Given, gather, output_option, stage_options
+from rotortrack_cli.stage_option import StageCommand
+from rotortrack_cli.stages import Stages
+
+
+@click.command("rotors", cls=StageCommand)
+@click.argument("locs", metavar="LOCS", type=FILE)
+@output_option("RUN", "The run folder.")
+@stage_options("movie", "cluster", "circle", "screen")
+@click.pass_obj
+def command(console: Console, locs: Path, output: Path, given: Given) -> None:
+    """Group the localisations in LOCS into rotors, fit circles and screen them.
+
+    LOCS may come from any program (.parquet, ThunderSTORM .csv, Picasso .hdf5) and is taken as it
+    is: use `rotortrack drift` and `rotortrack filter` before, where that was not done yet.
+    """
+    start = time.perf_counter()
+    layers = gather(given)
+    from rotortrack.pipeline.run import rotors_from_table
+    from rotortrack_cli.summary import require_rotors, rotors_as_json, show_run
+
+    with Stages(console) as stages:
+        result = rotors_from_table(locs, layers, output, progress=stages)
+    seconds = time.perf_counter() - start
+    show_run(console, result, seconds)
+    console.json(
+        {
+            "rotors_found": len(result.rotors),
+            "rotors_kept": int((result.rotors["verdict"] == "kept").sum()),
+            "rotors": rotors_as_json(result.rotors),
+            "seconds": round(seconds, 3),
+        }
+    )
+    require_rotors(result, strict=given.strict)

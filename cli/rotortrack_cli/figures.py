@@ -1,0 +1,26 @@
+"""The figures of a run, with their progress."""
+
+from __future__ import annotations
+
+from rotortrack.pipeline.run import Result
+from rotortrack.report.draw import draw_run
+from rotortrack_cli.stages import Stages
+
+
+def draw(result: Result, stages: Stages) -> None:
+    """Draw what a run found into its folder."""
+    movie = result.settings["movie"]
+    region = movie.region
+    draw_run(
+        result.folder.path,
+        rotors=result.rotors,
+        tracks=result.tracks,
+        localisations=result.localisations,
+        drift=result.drift,
+        frame_interval_s=movie.frame_interval_s,
+        pixel_size_nm=movie.pixel_size_nm,
+        mean_image=result.mean_image,
+        image_origin_px=region[:2] if region else (0, 0),
+        drift_bins=result.drift_bins,
+        progress=lambda done, total: stages("figures", done, total),
+    )

@@ -1,0 +1,222 @@
+"""Flags made from the option classes, and the way back from flags to settings.
+
+An unset flag stays None, so that the origin of every value is known when the layers (file
+metadata, preset, configuration, flags) are merged.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from rotortrack.pipeline.presets import PRESETS, SECTIONS, preset_layer
+from rotortrack.settings import Layer, option_fields, read_toml, resolve
+from rotortrack_cli.console import Console
+from rotortrack_cli.stage_option import Flag
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+FILE = click.Path(path_type=Path)
+"""A path argument; whether the file can be used is for the library to say."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the user asked for on the command line, before anything is merged or checked."""
+
+    preset: str | None
+    config: Path | None
+    assignments: tuple[str, ...]
+    flags: Mapping[str, Mapping[str, Any]]
+    workers: int | None
+    strict: bool
+
+
+def stage_options(*sections: str) -> Callable[[_Function], _Function]:
+    """Add the flags of some sections and those that every stage command has.
+
+    The decorated function receives one argument `given`, to be handed to :func:`gather`. A
+    name that several of the sections share becomes one flag each, with the section in front.
+
+    Parameters
+    ----------
+    *sections
+        Names of the sections whose options become flags; none for a command with `--set` alone.
+
+    Raises
+    ------
+    TypeError
+        At import: two flags still have the same name.
+    """
+    section_flags = flags_of(sections)
+
+    def decorate(function: _Function) -> _Function:
+        @functools.wraps(function)
+        def call(*args: Any, **kwargs: Any) -> Any:
+            flags: dict[str, dict[str, Any]] = {}
+            for flag in section_flags:
+                value = kwargs.pop(flag.parameter)
+                if value is not None:
+                    flags.setdefault(flag.section, {})[flag.field.name] = value
+            common = {name: kwargs.pop(name) for name in _COMMON_NAMES}
+            return function(*args, given=Given(flags=flags, **common), **kwargs)
+
+        decorated: Any = call
+        for add in reversed(_COMMON):
+            decorated = add(decorated)
+        decorated = output_flags(decorated)
+        for flag in reversed(section_flags):
+            decorated = flag.add_to(decorated)
+        return decorated  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def output_flags(function: _Function) -> _Function:
+    """Add `--quiet` and `--json`, which set the console and are not passed on."""
+
+    def set_console(attribute: str) -> Callable[[click.Context, click.Parameter, bool], None]:
+        def store(ctx: click.Context, param: click.Parameter, value: bool) -> None:  # noqa: ARG001
+            setattr(ctx.ensure_object(Console), attribute, value)
+
+        return store
+
+    quiet = click.option(
+        "--quiet",
+        "-q",
+        is_flag=True,
+        expose_value=False,
+        callback=set_console("quiet"),
+        help="Show no progress.",
+    )
+    as_json = click.option(
+        "--json",
+        is_flag=True,
+        expose_value=False,
+        callback=set_console("as_json"),
+        help="Print the result as one line of JSON.",
+    )
+    return quiet(as_json(function))
+
+
+def output_option(metavar: str, meaning: str) -> Callable[[_Function], _Function]:
+    """Add the demanded `-o`, which the function receives as the path `output`."""
+    return click.option("--output", "-o", type=FILE, required=True, metavar=metavar, help=meaning)
+
+
+def flags_of(sections: tuple[str, ...]) -> list[Flag]:
+    """Make the flags of some sections.
+
+    Raises
+    ------
+    TypeError
+        Two flags, prefixed or common ones included, have the same name.
+    """
+    shared = Counter(
+        field.name for section in sections for field in option_fields(SECTIONS[section])
+    )
+    flags = [
+        Flag(section, field, prefixed=shared[field.name] > 1)
+        for section in sections
+        for field in option_fields(SECTIONS[section])
+    ]
+    taken = Counter(name for flag in flags for name in flag.names) + _COMMON_FLAGS
+    twice = [name for name, count in taken.items() if count > 1]
+    if twice:
+        raise TypeError(f"the flag {twice[0]} would have two meanings")
+    return flags
+
+
+def gather(given: Given) -> list[Layer]:
+    """List what was given from weak to strong: preset, configuration file, `--set`, flags.
+
+    The values are checked here, before any input is opened.
+
+    Raises
+    ------
+    click.UsageError
+        A `--set` is not of the form stage.option=value; all such are listed.
+    ConfigurationError
+        The configuration file cannot be read; or all mistakes of configuration, `--set` and
+        flags, listed at once.
+    """
+    assignments = _parse_assignments(given.assignments)
+    layers = []
+    if given.preset is not None:
+        layers.append(preset_layer(given.preset))
+    if given.config is not None:
+        layers.append(Layer(f"config {given.config}", read_toml(given.config)))
+    if assignments:
+        layers.append(Layer("--set", assignments))
+    if given.flags:
+        layers.append(Layer("flag", given.flags))
+    resolve(SECTIONS, layers)
+    return layers
+
+
+_ASSIGNMENT = re.compile(r"\s*(\w+)\.(\w+)\s*=\s*(\S.*)", re.DOTALL)
+
+
+def _parse_assignments(texts: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    values: dict[str, dict[str, Any]] = {}
+    malformed = []
+    for text in texts:
+        match = _ASSIGNMENT.fullmatch(text)
+        if match is None:
+            malformed.append(f"--set {text} is not of the form stage.option=value")
+            continue
+        section, key, value = match.groups()
+        values.setdefault(section, {})[key] = _toml_value(value.strip())
+    if malformed:
+        raise click.UsageError("\n".join(malformed), click.get_current_context(silent=True))
+    return values
+
+
+def _toml_value(text: str) -> Any:
+    """Read a TOML value; a word without quotes, which TOML does not know, is itself."""
+    try:
+        content = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    # A line break would let the text hold further keys.
+    return content["value"] if len(content) == 1 else text
+
+
+_COMMON = (
+    click.option(
+        "--config", "-c", type=FILE, metavar="CONFIG.toml", help="Options of all stages, in TOML."
+    ),
+    click.option(
+        "--preset",
+        type=click.Choice(list(PRESETS)),
+        help="Start from these options instead of the defaults; paper: as published.",
+    ),
+    click.option(
+        "--set",
+        "assignments",
+        multiple=True,
+        metavar="STAGE.OPTION=VALUE",
+        help="Set any option of any stage; may be repeated.",
+    ),
+    click.option(
+        "--workers",
+        type=click.IntRange(min=1),
+        help="Processors to use. The result does not depend on it. [default: all]",
+    ),
+    click.option("--strict", is_flag=True, help="End with exit code 5 when nothing is found."),
+)
+_COMMON_NAMES = ("config", "preset", "assignments", "workers", "strict")
+_COMMON_FLAGS = Counter(
+    (
+        *("--config", "--preset", "--set", "--workers", "--strict"),
+        *("--quiet", "--json", "--output", "--help"),
+    )
+)

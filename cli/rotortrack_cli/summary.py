@@ -1,0 +1,88 @@
+"""The one screen that a run ends with."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+from rotortrack.errors import NothingFoundError
+from rotortrack_cli.console import Console
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rotortrack.pipeline.run import Result
+
+ROTORS_SHOWN = 30
+
+
+def show_run(console: Console, result: Result, seconds: float) -> None:
+    """Print counts, verdicts with reasons, and the table of speeds."""
+    counts = result.record.content["counts"]
+    rotors = result.rotors
+    kept = rotors[rotors["verdict"] == "kept"]
+    lines = [f"frames            {counts['frames']}", f"spots             {_spots(counts)}"]
+    lines.append(f"rotors            {len(rotors)} found, {len(kept)} kept")
+    reasons = Counter(rotors.loc[rotors["verdict"] != "kept", "reason"])
+    lines += [f"  refused         {count} {reason}" for reason, count in reasons.most_common()]
+    if "behaviour" in kept and len(kept):
+        found = ", ".join(f"{n} {name}" for name, n in Counter(kept["behaviour"]).most_common())
+        lines.append(f"  behaviour       {found}")
+    lines += [f"note              {note}" for note in result.record.content["notes"]]
+    console.text("\n".join(lines))
+    if "omega_rad_s" in kept and len(kept):
+        console.text("")
+        console.table(*_speeds(kept))
+        if len(kept) > ROTORS_SHOWN:
+            console.text(f"... and {len(kept) - ROTORS_SHOWN} more in rotors.csv")
+    console.text(f"\n{seconds:.1f} s; results in {result.folder.path}")
+
+
+def _spots(counts: dict[str, Any]) -> str:
+    spots = str(counts["localisations"])
+    if "precise" in counts:
+        spots += f" fitted, {counts['precise']} precise, {counts['dense']} with neighbours"
+    if counts.get("saturated"):
+        spots += f"; {counts['saturated']} with saturated pixels"
+    if counts.get("masked_pixels"):
+        spots += f"; {counts['masked_pixels']} pixels without a number"
+    return spots
+
+
+def _speeds(kept: pd.DataFrame) -> tuple[list[str], list[list[object]]]:
+    header = ["rotor", "x um", "y um", "R nm", "rev/s", "+-", "D rad2/s", "behaviour"]
+    rows: list[list[object]] = []
+    for row in kept.head(ROTORS_SHOWN).to_dict("records"):
+        error = row["omega_sd_rad_s"] * row["rev_per_s"] / row["omega_rad_s"]
+        rows.append(
+            [
+                row["rotor"],
+                row["x_nm"] / 1000.0,
+                row["y_nm"] / 1000.0,
+                row["radius_nm"],
+                row["rev_per_s"],
+                error,
+                row["diffusion_rad2_s"],
+                row["behaviour"],
+            ]
+        )
+    return header, rows
+
+
+def rotors_as_json(rotors: pd.DataFrame) -> list[dict[str, object]]:
+    """Give the rotors table as plain rows."""
+    return [{str(name): value for name, value in row.items()} for row in rotors.to_dict("records")]
+
+
+def require_rotors(result: Result, *, strict: bool) -> None:
+    """End with exit code 5 when the user asked for that and no rotor was kept.
+
+    Raises
+    ------
+    NothingFoundError
+        No rotor was kept.
+    """
+    if strict and not (result.rotors["verdict"] == "kept").any():
+        raise NothingFoundError(
+            f"no rotor was kept: see the reasons in {result.folder.path / 'rotors.csv'}"
+        )

@@ -1,0 +1,204 @@
+"""Option classes and the merging of layers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rotortrack.errors import ConfigurationError
+from rotortrack.settings import Layer, Options, option, option_fields, read_toml, resolve
+
+
+def _not_seven(value: int) -> str | None:
+    return "must not be 7" if value == 7 else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Options):
+    """Options of a stage that is not part of the program."""
+
+    length_nm: float | None = option(None, "a length, nm", gt=0)
+    count: int = option(3, "a number", ge=1, le=10, check=_not_seven)
+    sharp: bool = option(False, "a switch")
+    method: Literal["a", "b"] = option("a", "a word")
+    connectivity: Literal[4, 8] = option(8, "a choice of numbers")
+    mirrored: Literal["true", "false", "unknown"] = option("unknown", "three answers")
+    threshold: float | str = option("std(F)", "a number or a formula")
+    lags: float | Literal["N/4"] = option("N/4", "a number or a word")
+    frames: tuple[int, int] | None = option(None, "a range", ge=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Other(Options):
+    """A second section."""
+
+    length_nm: float = option(1.0, "another length")
+
+
+CLASSES = {"stage": Stage, "other": Other}
+
+
+def layer(origin: str, **stage: Any) -> Layer:
+    return Layer(origin, {"stage": stage})
+
+
+def mistakes(*layers: Layer) -> tuple[str, ...]:
+    with pytest.raises(ConfigurationError) as caught:
+        resolve(CLASSES, layers)
+    return caught.value.mistakes
+
+
+def test_later_layers_win_and_every_value_knows_its_origin() -> None:
+    settings = resolve(
+        CLASSES,
+        [layer("preset", count=4, method="b"), layer("config x.toml", count=5), layer("flag")],
+    )
+    assert settings["stage"] == Stage(count=5, method="b")
+    assert settings.origins["stage.count"] == "config x.toml"
+    assert settings.origins["stage.method"] == "preset"
+    assert settings.origins["stage.sharp"] == "default"
+    assert settings.origins["other.length_nm"] == "default"
+
+
+@pytest.mark.parametrize(
+    ("name", "raw", "value"),
+    [
+        ("length_nm", 5, 5.0),
+        ("threshold", 3.5, 3.5),
+        ("threshold", "2*std(F)", "2*std(F)"),
+        ("lags", 10, 10),
+        ("lags", "N/4", "N/4"),
+        ("connectivity", 4, 4),
+        ("frames", [0, 10], (0, 10)),
+        ("mirrored", True, "true"),
+        ("mirrored", False, "false"),
+        ("sharp", True, True),
+    ],
+)
+def test_good_values_keep_or_get_their_type(name: str, raw: object, value: object) -> None:
+    assert getattr(resolve(CLASSES, [layer("t", **{name: raw})])["stage"], name) == value
+
+
+@pytest.mark.parametrize(
+    ("name", "raw", "part"),
+    [
+        ("length_nm", 0, "must be greater than 0, not 0"),
+        ("length_nm", "108", "is '108': input should be a valid number"),
+        ("length_nm", True, "is True"),
+        ("length_nm", math.nan, "must be greater than 0, not nan"),
+        ("length_nm", math.inf, "must be a finite number"),
+        ("count", 11, "must be at most 10, not 11"),
+        ("count", 0, "must be at least 1, not 0"),
+        ("count", 3.5, "is 3.5"),
+        ("count", True, "is True"),
+        ("count", 7, "must not be 7"),
+        ("sharp", 1, "is 1"),
+        ("method", "c", "must be one of a, b, not 'c'"),
+        ("connectivity", 6, "must be one of 4, 8, not 6"),
+        ("lags", "N/3", "is 'N/3'"),
+        ("frames", [1, 2, 3], "is (1, 2, 3)"),
+        ("frames", [-1, 2], "must be at least 0, not -1"),
+        ("frames", [1, 2.5], "is (1, 2.5)"),
+    ],
+)
+def test_wrong_values_are_named_with_their_place(name: str, raw: object, part: str) -> None:
+    (mistake,) = mistakes(layer("config x.toml", **{name: raw}))
+    assert mistake.startswith(f"config x.toml: [stage] {name} ")
+    assert part in mistake
+
+
+def test_all_mistakes_of_all_layers_are_listed() -> None:
+    found = mistakes(
+        Layer("a", {"stgae": {"count": 1}, "stage": {"cuont": 2, "method": 3}}),
+        Layer("b", {"other": {"length_nm": "x", "width": 1}}),
+    )
+    assert len(found) == 5
+    assert found[0] == "a: [stgae] is not a section: did you mean stage?"
+    assert found[1] == "a: [stage] cuont is not an option: did you mean count?"
+    assert found[4] == "b: [other] width is not an option: known are length_nm"
+
+
+def test_construction_checks_bounds_and_choices_and_lists_all() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        Stage(count=0, length_nm=-1.0, method="c")  # type: ignore[arg-type]
+    assert [text.split()[0] for text in caught.value.mistakes] == ["length_nm", "count", "method"]
+
+
+@given(st.floats(), st.integers(-5, 20))
+def test_a_value_is_accepted_exactly_when_it_keeps_its_bounds(length: float, count: int) -> None:
+    good = math.isfinite(length) and length > 0 and 1 <= count <= 10 and count != 7
+    try:
+        settings = resolve(CLASSES, [layer("t", length_nm=length, count=count)])
+    except ConfigurationError:
+        assert not good
+    else:
+        assert good
+        assert settings["stage"] == Stage(length_nm=length, count=count)
+
+
+def test_required_values_are_all_named_with_the_way_to_give_them() -> None:
+    settings = resolve(CLASSES, [])
+    settings.require("stage.count", "other.length_nm")
+    with pytest.raises(ConfigurationError) as caught:
+        settings.require("stage.length_nm", "stage.count", "stage.frames")
+    first, second = caught.value.mistakes
+    assert "--length-nm" in first
+    assert "[stage]" in first
+    assert "--frames" in second
+
+
+def test_settings_written_out_are_read_back_the_same() -> None:
+    settings = resolve(CLASSES, [layer("t", frames=[0, 4], threshold=2.5, mirrored=True)])
+    as_dict = settings.as_dict()
+    assert as_dict["stage"]["frames"] == [0, 4]
+    assert "length_nm" not in as_dict["stage"]
+    assert resolve(CLASSES, [Layer("again", as_dict)])["stage"] == settings["stage"]
+
+
+def test_fields_come_in_order_with_their_description() -> None:
+    fields = option_fields(Stage)
+    assert [field.name for field in fields][:3] == ["length_nm", "count", "sharp"]
+    by_name = {field.name: field for field in fields}
+    assert by_name["method"].choices == ("a", "b")
+    assert by_name["lags"].choices == ()
+    assert by_name["length_nm"].types == (float,)
+    assert by_name["threshold"].types == (float, str)
+    assert by_name["count"].description == "a number"
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"[stage\n", "not valid TOML"),
+        (b"[stage]\nmethod = '\xff'\n", "not UTF-8"),
+        (b"count = 3\n[stage]\n", "count stands outside any [section]"),
+        (b"[stage]\ncount = 3\ncount = 4\n", "not valid TOML"),
+    ],
+)
+def test_a_broken_file_is_named(tmp_path: Path, content: bytes, part: str) -> None:
+    path = tmp_path / "run.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigurationError) as caught:
+        read_toml(path)
+    assert str(path) in str(caught.value)
+    assert part in str(caught.value)
+
+
+def test_a_missing_file_or_a_folder_is_named(tmp_path: Path) -> None:
+    for path in (tmp_path / "absent.toml", tmp_path):
+        with pytest.raises(ConfigurationError, match="cannot be read"):
+            read_toml(path)
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("[stage]\ncount = 4\n", encoding="utf-8-sig")
+    content: Mapping[str, Any] = read_toml(path)
+    assert content == {"stage": {"count": 4}}
