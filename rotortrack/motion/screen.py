@@ -99,7 +99,7 @@ def screen(
 
     Notes
     -----
-    About 3 ms a rotor of 2000 localisations.
+    About 4 ms a rotor of 3000 localisations.
     """
     thresholds = options or ScreenOptions()
     for table, name, needed in (

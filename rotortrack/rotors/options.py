@@ -15,12 +15,19 @@ class ClusterOptions(Options):
     distance_nm: float | None = option(
         None, "spots closer than this join, nm (absent: chosen from the data)", gt=0
     )
+    min_localisations: int = option(
+        30, "clusters with fewer localisations are background, not rotors", ge=1
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class CircleOptions(Options):
     """How a circle is fitted to a rotor's localisations."""
 
-    method: Literal["hyper", "kasa", "pratt", "taubin", "geometric"] = option(
-        "hyper", "circle fit"
+    method: Literal["hyper", "kasa", "pratt", "taubin", "geometric"] = option("hyper", "circle fit")
+    outlier_sd: float = option(
+        4.0,
+        "spots farther from the circle than this many robust standard deviations are left out of "
+        "its fit (0: none are)",
+        ge=0,
     )

@@ -136,7 +136,7 @@ def test_neighbours_are_too_close_by_the_gap_between_their_circles(gap, reason):
 
 def test_a_speck_of_background_nearby_does_not_count_as_a_neighbour():
     rng = np.random.default_rng(5)
-    speck = at(rotor(rng, "stuck", n=60), 400.0, 0.0)
+    speck = at(rotor(rng, "stuck", n=60), 350.0, 0.0)
     outcome = screened([rotor(rng, "driven", radius=80.0, noise=10.0), speck])
     assert sorted(outcome.rotors["reason"]) == ["", "too_few_frames"]
 

@@ -1,0 +1,112 @@
+"""The published analysis, stage by stage, from top to bottom.
+
+    movie -> localisations -> precise, drift-corrected, dense ones -> rotors -> tracks -> speeds
+
+Each function is one paragraph of the paper's Methods ("Single-particle localization and rotor data
+analysis"); what it calls is the sentence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rotortrack.corrections.density import dense_enough
+from rotortrack.corrections.drift.cross_correlation import estimate_drift
+from rotortrack.corrections.drift.drift import Drift, apply_drift
+from rotortrack.corrections.quality import passes_quality
+from rotortrack.motion.angles import build_tracks
+from rotortrack.motion.measure import measure_motion
+from rotortrack.motion.screen import screen
+from rotortrack.rotors.find import find_rotors
+from rotortrack.settings import Settings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Drift-corrected localisations, and which of them are trusted."""
+
+    localisations: pd.DataFrame
+    trusted: NDArray[np.bool_]
+    drift: Drift
+    precise: int
+    dense: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Rotors with a verdict, and the localisations with their rotor."""
+
+    localisations: pd.DataFrame
+    rotors: pd.DataFrame
+    decisions: pd.DataFrame
+    distance_reason: str
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Tracks of the rotors, and the rotors with their motion."""
+
+    tracks: pd.DataFrame
+    rotors: pd.DataFrame
+
+
+def correct(localisations: pd.DataFrame, settings: Settings, *, pixel_size_nm: float) -> Corrected:
+    """Keep precise spots, subtract the drift that they show, then keep spots in company.
+
+    All rows come back, drift-corrected; `trusted` marks those that passed both filters.
+    """
+    precise = passes_quality(localisations, settings["quality"])
+    drift = estimate_drift(localisations[precise], settings["drift"], pixel_size_nm=pixel_size_nm)
+    corrected = apply_drift(localisations, drift)
+    trusted = precise.copy()
+    trusted[precise] = dense_enough(corrected[precise], settings["density"])
+    return Corrected(corrected, trusted, drift, int(precise.sum()), int(trusted.sum()))
+
+
+def find(
+    localisations: pd.DataFrame,
+    trusted: NDArray[np.bool_],
+    settings: Settings,
+    *,
+    n_frames: int,
+) -> Found:
+    """Group trusted spots into rotors, fit a circle to each, refuse what is not one good rotor.
+
+    All rows come back; those that are not trusted belong to no rotor.
+    """
+    found = find_rotors(localisations[trusted], settings["cluster"], settings["circle"])
+    screening = screen(found.localisations, found.rotors, settings["screen"], n_frames=n_frames)
+    everything = localisations.assign(rotor=np.int64(-1))
+    for column in ("rotor", "fit_flags"):
+        values = np.zeros(len(everything), np.int64)
+        if column in everything:
+            values[:] = everything[column]
+        values[trusted] = found.localisations[column]
+        everything[column] = values
+    return Found(everything, screening.rotors, screening.decisions, found.distance_reason)
+
+
+def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) -> Moved:
+    """Follow each rotor's angle from frame to frame and measure its speed and diffusion."""
+    movie = settings["movie"]
+    tracks = build_tracks(
+        localisations,
+        rotors,
+        frame_interval_s=movie.frame_interval_s,
+        gap_mode=settings["motion"].gap_mode,
+    )
+    measured = measure_motion(
+        tracks,
+        rotors,
+        settings["motion"],
+        frame_interval_s=movie.frame_interval_s,
+        exposure_s=movie.exposure_s,
+    )
+    return Moved(tracks, measured)

@@ -1,0 +1,155 @@
+"""Which figures a run gets, and their files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from rotortrack.files import atomic_path
+from rotortrack.report.figures import (
+    canvas,
+    cumulative_angle,
+    drift as drift_figure,
+    field,
+    msd,
+    rotor_sheet,
+    speeds,
+)
+from rotortrack.report.figures.canvas import FileFormat
+
+_FOLDER = "figures"
+_OURS = re.compile(
+    rf"(field|speeds|cumulative_angles|msds|drift|rotor-\d{{3,}})\.({'|'.join(get_args(FileFormat))})"
+)
+
+
+def draw_run(
+    folder: Path,
+    *,
+    rotors: pd.DataFrame,
+    tracks: pd.DataFrame,
+    localisations: pd.DataFrame,
+    drift: pd.DataFrame,
+    frame_interval_s: float,
+    pixel_size_nm: float | None = None,
+    mean_image: ArrayLike | None = None,
+    image_origin_px: tuple[int, int] = (0, 0),
+    drift_bins: drift_figure.Bins | None = None,
+    max_sheets: int = 100,
+    file_format: FileFormat = "png",
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write all figures of a run into its `figures` folder, each whole or not at all.
+
+    field, speeds, cumulative_angles, msds, drift, then a sheet `rotor-NNN` a rotor: kept rotors
+    first, refused ones after them, up to `max_sheets`. Figures of an earlier run that this one
+    does not have are removed, so that the folder never shows rotors of other tables.
+
+    Parameters
+    ----------
+    folder
+        The run folder.
+    rotors, tracks, localisations, drift
+        Tables of the run, with the columns of `rotortrack.tables`; each may be empty. The
+        localisations carry `rotor`.
+    frame_interval_s
+        Time from frame to frame (s).
+    pixel_size_nm, mean_image, image_origin_px
+        Mean image of the movie (y, x), its pixel size (nm) and where it starts on the sensor.
+    drift_bins
+        Frames, dx (nm), dy (nm) of the bins behind the drift.
+    max_sheets
+        Most rotor sheets that are drawn.
+    file_format
+        png, svg or pdf.
+    progress
+        Called with the number of figures written and their total after each.
+
+    Returns
+    -------
+    list of Path
+        The files in the order of writing.
+
+    Raises
+    ------
+    ResourceError
+        The folder cannot be written.
+    UsageError
+        A mean image without a pixel size.
+    """
+    target = folder / _FOLDER
+    of_track = _by_rotor(tracks)
+    of_spots = _by_rotor(localisations)
+    curves = {number: msd.curve(part, frame_interval_s) for number, part in of_track.items()}
+    listed = _sheet_rows(rotors, max_sheets)
+
+    def figures() -> Iterator[tuple[str, Figure]]:
+        yield (
+            "field",
+            field.figure(
+                rotors,
+                localisations,
+                image=mean_image,
+                pixel_size_nm=pixel_size_nm,
+                image_origin_px=image_origin_px,
+            ),
+        )
+        yield "speeds", speeds.figure(rotors)
+        yield (
+            "cumulative_angles",
+            cumulative_angle.all_rotors(rotors, of_track, frame_interval_s=frame_interval_s),
+        )
+        yield "msds", msd.all_rotors(rotors, curves)
+        yield "drift", drift_figure.figure(drift, bins=drift_bins)
+        for row in listed:
+            number = int(row["rotor"])
+            sheet = rotor_sheet.figure(
+                of_spots.get(number, localisations.iloc[:0]),
+                row,
+                of_track.get(number),
+                frame_interval_s=frame_interval_s,
+                msd_curve=curves.get(number),
+            )
+            yield f"rotor-{number:03d}", sheet
+
+    total = 5 + len(listed)
+    written: list[Path] = []
+    for stem, made in figures():
+        path = target / f"{stem}.{file_format}"
+        with atomic_path(path) as temporary:
+            canvas.save(made, temporary, file_format)
+        written.append(path)
+        if progress is not None:
+            progress(len(written), total)
+    for path in target.iterdir():
+        if _OURS.fullmatch(path.name) and path not in written:
+            path.unlink()
+    return written
+
+
+def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[str, object]]:
+    """Return the rows that get a sheet: kept rotors first, each kind by number."""
+    if "verdict" not in rotors:
+        return rotors.sort_values("rotor").head(most).to_dict("records")
+    refused = (rotors["verdict"] != "kept").to_numpy()
+    order = np.lexsort((rotors["rotor"].to_numpy(), refused))
+    return rotors.iloc[order[:most]].to_dict("records")
+
+
+def _by_rotor(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
+    """Split a table into its rotors' rows, each in order of frames; -1 belongs to none."""
+    if "rotor" not in table or len(table) == 0:
+        return {}
+    numbers = table["rotor"].to_numpy(np.int64)
+    order = np.lexsort((table["frame"].to_numpy(), numbers))
+    order = order[numbers[order] >= 0]
+    found, starts = np.unique(numbers[order], return_index=True)
+    parts = np.split(order, starts[1:])
+    return {int(number): table.iloc[part] for number, part in zip(found, parts, strict=False)}

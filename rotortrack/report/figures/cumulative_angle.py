@@ -1,0 +1,167 @@
+"""Cumulative angle against time, of one rotor (Fig. 2d of the paper) and of all (Fig. 2e)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from rotortrack.report import style, words
+from rotortrack.report.figures import canvas
+from rotortrack.report.figures.canvas import Floats
+from rotortrack.report.words import Row
+from rotortrack.units import TURN_RAD
+
+
+@canvas.in_house_style
+def figure(track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> Figure:
+    """Draw one rotor's cumulative angle.
+
+    Parameters
+    ----------
+    track
+        The rotor's rows of the tracks (frame, cumulative_rad).
+    rotor
+        Its row of the rotors table.
+    frame_interval_s
+        Time from frame to frame (s).
+    """
+    made = canvas.new_figure(6.4, 3.6)
+    canvas.heading(made, words.wrap(words.title(rotor), 75, 2), 0.2)
+    draw(canvas.place(made, 0.8, 0.55, 4.8, 2.4), track, rotor, frame_interval_s=frame_interval_s)
+    return made
+
+
+def draw(axes: Axes, track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> None:
+    """Draw one rotor's cumulative angle into axes, revolutions at the left, degrees at the right.
+
+    Positive is counter-clockwise on the displayed image. The dashed line has the measured speed as
+    its slope.
+    """
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("revolutions")
+    time, turns = _trace(track, frame_interval_s)
+    if len(time) == 0:
+        canvas.notice(axes, "no angles")
+        return
+    axes.plot(*canvas.thin(time, turns), color=style.behaviour(rotor.get("behaviour")).colour)
+    speed, _ = words.rev_per_s(rotor)
+    _frame(axes, time[-1], turns)
+    if math.isfinite(speed):
+        limits = axes.get_ylim()
+        ends = time[[0, -1]]
+        line = turns.mean() + speed * (ends - time.mean())
+        axes.plot(ends, line, "--", color=style.INK, lw=0.9, label="measured speed")
+        axes.set_ylim(limits)
+        axes.legend(loc="upper left" if speed < 0 else "lower right")
+        if speed < 0:
+            axes.legend(loc="upper right")
+    _degrees_axis(axes)
+
+
+@canvas.in_house_style
+def all_rotors(
+    rotors: pd.DataFrame, tracks: dict[int, pd.DataFrame], *, frame_interval_s: float
+) -> Figure:
+    """Draw the cumulative angles of all kept rotors, coloured by behaviour.
+
+    Curves carry their rotor's number at the right wherever numbers do not collide, the fastest
+    first. `tracks` maps a rotor's number to its rows of the tracks.
+    """
+    made = canvas.new_figure(8.6, 5.0)
+    axes = canvas.place(made, 0.8, 0.55, 4.9, 3.95)
+    kept = rotors[rotors["verdict"] == "kept"] if "verdict" in rotors else rotors
+    ends: list[tuple[float, int, str]] = []
+    seen: dict[str, int] = {}
+    last, extremes = 0.0, [0.0]
+    for row in kept.to_dict("records"):
+        number = int(row["rotor"])
+        if number not in tracks:
+            continue
+        time, turns = _trace(tracks[number], frame_interval_s)
+        if len(time) == 0:
+            continue
+        look = style.behaviour(row.get("behaviour"))
+        axes.plot(*canvas.thin(time, turns, 500), color=look.colour, lw=0.8)
+        seen[look.label] = seen.get(look.label, 0) + 1
+        ends.append((float(turns[-1]), number, look.colour))
+        last = max(last, time[-1])
+        extremes += [float(turns.min()), float(turns.max())]
+    canvas.heading(made, f"Cumulative angle of {words.count(len(ends), 'rotor')}", 0.2)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("revolutions")
+    if not ends:
+        canvas.notice(axes, "no rotors")
+        return made
+    _frame(axes, last, np.array(extremes))
+    _number_ends(axes, ends)
+    _degrees_axis(axes, offset_points=24)
+    handles = [
+        Line2D([], [], color=look.colour, label=f"{look.label} ({seen[look.label]})")
+        for look in style.BEHAVIOURS.values()
+        if look.label in seen
+    ]
+    made.legend(handles=handles, loc="upper left", bbox_to_anchor=(6.75 / 8.6, 4.55 / 5.0))
+    return made
+
+
+def _trace(track: pd.DataFrame, frame_interval_s: float) -> tuple[Floats, Floats]:
+    """Return time (s) and cumulative revolutions where both are known."""
+    time = track["frame"].to_numpy(np.float64) * frame_interval_s
+    turns = track["cumulative_rad"].to_numpy(np.float64) / TURN_RAD
+    good = np.isfinite(time) & np.isfinite(turns)
+    return time[good], turns[good]
+
+
+def _frame(axes: Axes, last: float, turns: Floats) -> None:
+    """Set limits with a margin, at least one revolution high, and draw the zero line."""
+    low, high = min(float(turns.min()), 0.0), max(float(turns.max()), 0.0)
+    spare = max(0.06 * (high - low), (1.0 - (high - low)) / 2)
+    axes.set_xlim(0, max(last, 1e-9))
+    axes.set_ylim(low - spare, high + spare)
+    axes.axhline(0, color=style.PALE, lw=0.8, zorder=0)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_locator(MaxNLocator(6))
+    factor, power = canvas.thousands(max(abs(low), high))
+    if power:
+        axes.yaxis.set_major_formatter(lambda value, _: words.minus(f"{value / factor:g}"))
+        axes.set_ylabel(f"{power}revolutions")
+
+
+def _degrees_axis(axes: Axes, offset_points: float = 0) -> None:
+    """Add the same scale in degrees at the right."""
+    right = axes.twinx()
+    low, high = axes.get_ylim()
+    right.set_ylim(360 * low, 360 * high)
+    factor, power = canvas.thousands(360 * max(abs(low), abs(high)))
+    right.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.8, 3.6, 9, 10]))
+    right.yaxis.set_major_formatter(lambda value, _: words.minus(f"{value / factor:g}"))
+    right.set_ylabel(f"cumulative angle ({power}°)")
+    right.spines["right"].set_visible(True)
+    right.spines["right"].set_position(("outward", offset_points))
+
+
+def _number_ends(axes: Axes, ends: list[tuple[float, int, str]]) -> None:
+    """Write rotor numbers at the ends of their curves, each only where there is room."""
+    low, high = axes.get_ylim()
+    height = axes.get_window_extent().height / axes.figure.dpi * 72
+    room = 8.0 / height * (high - low)
+    taken: list[float] = []
+    for end, number, colour in sorted(ends, key=lambda entry: (-abs(entry[0]), entry[1])):
+        if all(abs(end - other) >= room for other in taken):
+            taken.append(end)
+            axes.annotate(
+                str(number),
+                (1, end),
+                xycoords=("axes fraction", "data"),
+                xytext=(3, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=6.5,
+                color=colour,
+            )

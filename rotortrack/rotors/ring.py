@@ -1,0 +1,64 @@
+"""Whether distances from a centre are those of a ring or of a blob."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.special import i0e
+
+
+def ring_evidence(
+    x_nm: NDArray[np.float64], y_nm: NDArray[np.float64], x_centre_nm: float, y_centre_nm: float
+) -> float:
+    """Difference of the Bayesian information criteria of a blob and of a ring; > 6 speaks for one.
+
+    Only the distances r from the centre are compared, so that it does not matter where on its ring
+    a rotor dwells: p(r) = (r / s^2) exp(-(r^2 + R^2) / 2 s^2) I0(r R / s^2), with R = 0 (a blob,
+    one parameter) against R free. Distances beyond four times their median are left out as
+    background.
+
+    Parameters
+    ----------
+    x_nm, y_nm
+        Positions of one rotor, shape (n,), nm.
+    x_centre_nm, y_centre_nm
+        Centre of its circle, or the mean position, nm.
+
+    Returns
+    -------
+    BIC(blob) - BIC(ring); nan for fewer than 10 positions or when all coincide.
+
+    Notes
+    -----
+    About 2 ms for 2000 positions. From the noise alone successive distances are independent however
+    slowly the rotor turns, so n is not thinned.
+    """
+    r = np.hypot(x_nm - x_centre_nm, y_nm - y_centre_nm)
+    middle = float(np.median(r)) if r.size else 0.0
+    r = r[r <= 4.0 * middle]
+    if r.size < 10 or not middle > 0.0:
+        return math.nan
+    r = r / middle
+    square = r * r
+    mean = float(square.mean())
+    # At the maximum 2 s^2 = <r^2> - R^2, which leaves one parameter to search.
+    best = minimize_scalar(
+        lambda radius: -_log_likelihood(radius, r, square, mean),
+        bounds=(0.0, math.sqrt(mean) * (1.0 - 1e-9)),
+        method="bounded",
+    )
+    gain = max(0.0, -float(best.fun) - _log_likelihood(0.0, r, square, mean))
+    return 2.0 * gain - math.log(r.size)
+
+
+def _log_likelihood(
+    radius: float, r: NDArray[np.float64], square: NDArray[np.float64], mean: float
+) -> float:
+    """Log-likelihood of R with its best s, less the sum of log r; `mean` is that of `square`."""
+    noise2 = 0.5 * (mean - radius * radius)
+    argument = r * (radius / noise2)
+    exponent = -(square + radius * radius) / (2.0 * noise2) + argument + np.log(i0e(argument))
+    return float(exponent.sum()) - r.size * math.log(noise2)
