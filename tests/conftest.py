@@ -13,8 +13,7 @@ import pytest
 def reference_data() -> Callable[[str], Path]:
     """Give the folder of a reference data set, or skip where it is absent."""
     root = Path(
-        os.environ.get("ROTORTRACK_REFERENCE_DATA")
-        or Path(__file__).parents[2] / "shared" / "data"
+        os.environ.get("ROTORTRACK_REFERENCE_DATA") or Path(__file__).parents[2] / "shared" / "data"
     )
 
     def folder(name: str) -> Path:

@@ -12,7 +12,9 @@ from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.screen_options import ScreenOptions
 from rotortrack.movies.options import MovieOptions
 from rotortrack.rotors.options import CircleOptions, ClusterOptions
-from rotortrack.settings import Layer, Options
+from rotortrack.settings import Layer, Options, Settings
+
+_ORIGIN = "preset "
 
 SECTIONS: dict[str, type[Options]] = {
     "movie": MovieOptions,
@@ -29,9 +31,6 @@ SECTIONS: dict[str, type[Options]] = {
 """Option class of each section, in the order of the workflow."""
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
-    # What the publication leaves open is chosen here in the open: the fit method (weighted least
-    # squares), the threshold (the plugin's default), the uncertainty formula (the 2016 builds),
-    # the density radius (50 nm is the plugin's radius field), and the lags of the MSD fit.
     "paper": {
         "localise": {
             "wavelet_order": 3,
@@ -52,6 +51,20 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
+PRESET_NOTES: dict[str, tuple[str, ...]] = {
+    "paper": (
+        "the paper does not name its fit: weighted least squares with the plugin's threshold "
+        "std(Wave.F1), radius 3 px and start width 1.6 px were chosen",
+        "the paper does not name the plugin's release: the uncertainty formula of 2016 was chosen",
+        "the paper's 50 nm may be a radius or a diameter: the plugin's field is a radius, so "
+        "density.radius_nm = 50 was chosen (25 is the other reading)",
+        "the paper does not name its drift bins, clustering distance, circle fit or lags of the "
+        "MSD fit: the defaults of those stages were used",
+    )
+}
+"""What the publication leaves open, and what was chosen in its place."""
+
+
 def preset_layer(name: str) -> Layer:
     """Give the values of a preset.
 
@@ -62,4 +75,12 @@ def preset_layer(name: str) -> Layer:
     """
     if name not in PRESETS:
         raise ConfigurationError(f"--preset {name} is not known: known are {', '.join(PRESETS)}")
-    return Layer(f"preset {name}", PRESETS[name])
+    return Layer(_ORIGIN + name, PRESETS[name])
+
+
+def notes_on(settings: Settings) -> tuple[str, ...]:
+    """Give the notes of the preset that settings were made with, if any."""
+    for name, notes in PRESET_NOTES.items():
+        if _ORIGIN + name in settings.origins.values():
+            return notes
+    return ()

@@ -15,7 +15,7 @@ from rotortrack.exchange.writer import TableInfo
 from rotortrack.movies.movie import Movie
 from rotortrack.pipeline import stages
 from rotortrack.pipeline.localise_run import Progress, localise_to_file, opened, silent
-from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.presets import SECTIONS, notes_on
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
@@ -75,6 +75,8 @@ def run_movie(
         settings, movie = source.settings, source.movie
         folder = RunFolder.create(target)
         record.options(settings)
+        for sentence in notes_on(settings):
+            record.note(sentence)
         with record.timed("input"):
             progress("input", 0, 0)
             record.input(path, target)

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pandas as pd
 import pytest
+
 from rotortrack.cameras.camera import Camera
 from rotortrack.errors import RotortrackWarning
 from rotortrack.localise.engine import localise_all

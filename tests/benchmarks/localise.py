@@ -19,12 +19,13 @@ from pathlib import Path
 
 import numpy as np
 import tifffile
+from scipy.special import ndtr
+
 from rotortrack.cameras.camera import Camera
 from rotortrack.localise.engine import localise
 from rotortrack.localise.options import LocaliseOptions
 from rotortrack.movies.movie import ArrayMovie
 from rotortrack_cli.main import main as rotortrack
-from scipy.special import ndtr
 
 PIXEL_SIZE_NM = 108.3
 
