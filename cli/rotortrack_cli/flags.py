@@ -153,13 +153,22 @@ def gather(given: Given) -> list[Layer]:
     if given.preset is not None:
         layers.append(preset_layer(given.preset))
     if given.config is not None:
-        layers.append(Layer(f"config {given.config}", read_toml(given.config)))
+        layers.append(Layer(f"config {given.config}", _read_config(given.config)))
     if assignments:
         layers.append(Layer("--set", assignments))
     if given.flags:
         layers.append(Layer("flag", given.flags))
     resolve(SECTIONS, layers)
     return layers
+
+
+def _read_config(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a configuration; files that it names lie where it lies."""
+    values = read_toml(path)
+    maps = values.get("camera", {}).get("camera_maps")
+    if isinstance(maps, str):
+        values["camera"]["camera_maps"] = str(path.parent / maps)
+    return values
 
 
 _ASSIGNMENT = re.compile(r"\s*(\w+)\.(\w+)\s*=\s*(\S.*)", re.DOTALL)

@@ -23,6 +23,10 @@ def show_run(console: Console, result: Result, seconds: float) -> None:
     kept = rotors[rotors["verdict"] == "kept"]
     lines = [f"frames            {counts['frames']}", f"spots             {_spots(counts)}"]
     lines.append(f"rotors            {len(rotors)} found, {len(kept)} kept")
+    if counts.get("small_clusters"):
+        lines.append(f"  ignored         {counts['small_clusters']} clusters of too few spots")
+    if counts.get("duplicates"):
+        lines.append(f"  duplicates      {counts['duplicates']} spots of a rotor seen twice")
     reasons = Counter(rotors.loc[rotors["verdict"] != "kept", "reason"])
     lines += [f"  refused         {count} {reason}" for reason, count in reasons.most_common()]
     if "behaviour" in kept and len(kept):

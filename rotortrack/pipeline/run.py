@@ -100,7 +100,7 @@ def run_movie(
             found = stages.find(
                 corrected.localisations, corrected.trusted, settings, n_frames=movie.shape[0]
             )
-        record.note(found.distance_reason)
+        _record_found(record, found)
         with record.timed("motion"):
             progress("motion", 0, 0)
             moved = stages.move(found.localisations, found.rotors, settings)
@@ -141,7 +141,7 @@ def rotors_from_table(
             progress("rotors", 0, 0)
             trusted = np.ones(len(table), bool)
             found = stages.find(table, trusted, settings, n_frames=n_frames)
-        record.note(found.distance_reason)
+        _record_found(record, found)
         result = Result(
             folder,
             settings,
@@ -183,6 +183,11 @@ def motion_of_run(path: Path, layers: list[Layer], *, progress: Progress = silen
         )
         _write(result, "rotors", "tracks")
     return result
+
+
+def _record_found(record: Record, found: stages.Found) -> None:
+    record.note(found.distance_reason)
+    record.count(duplicates=found.duplicates, small_clusters=found.small_clusters)
 
 
 def _write(result: Result, *names: str, decisions: pd.DataFrame | None = None) -> None:

@@ -47,6 +47,8 @@ class Found:
     rotors: pd.DataFrame
     decisions: pd.DataFrame
     distance_reason: str
+    duplicates: int
+    small_clusters: int
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,14 @@ def find(
             values[:] = everything[column]
         values[trusted] = found.localisations[column]
         everything[column] = values
-    return Found(everything, screening.rotors, screening.decisions, found.distance_reason)
+    return Found(
+        everything,
+        screening.rotors,
+        screening.decisions,
+        found.distance_reason,
+        found.duplicates,
+        found.small_clusters,
+    )
 
 
 def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) -> Moved:

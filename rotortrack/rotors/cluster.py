@@ -178,14 +178,18 @@ def choose_distance(localisations: pd.DataFrame, *, min_localisations: int = 30)
             break
         distance *= 0.8
     distance = max(distance, smallest)
+    margin = percolation_margin(density, distance)
+    background = (
+        f"{margin:.3g} times more background would link the field"
+        if np.isfinite(margin)
+        else "the field has no background"
+    )
     return DistanceChoice(
         distance_nm=distance,
         density_per_nm2=density,
         reason=(
-            f"distance_nm = {distance:.0f} was chosen between {LARGEST_CHOICE_NM:.0f} and "
-            f"{smallest:.0f} nm (five localisation uncertainties, at least 60): {obstacle}; the "
-            f"background is {percolation_margin(density, distance):.3g} times too thin to link the "
-            "field"
+            f"spots closer than distance_nm = {distance:.0f} were joined, chosen from "
+            f"{LARGEST_CHOICE_NM:.0f} down to {smallest:.0f} nm: {obstacle}; {background}"
         ),
     )
 

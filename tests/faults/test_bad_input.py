@@ -132,6 +132,18 @@ def test_maps_of_another_size(capfd, tmp_path):
     assert "30 x 24" in sentence
 
 
+def test_maps_lie_where_the_configuration_lies(capfd, tmp_path, monkeypatch):
+    path = write(tmp_path / "movie.tif", spots())
+    folder = tmp_path / "setup"
+    folder.mkdir()
+    right = np.ones((24, 30))
+    np.savez(folder / "camera.npz", offset_adu=right, gain_e_per_adu=right, read_noise_e=right)
+    (folder / "run.toml").write_text("[camera]\ncamera_maps = 'camera.npz'\n")
+    monkeypatch.chdir(tmp_path)
+    words = ("localise", path, *SCALE, "-c", "setup/run.toml", "-o", tmp_path / "l.parquet")
+    assert call(capfd, *words)[0] == 0
+
+
 def test_unwritable_target(capfd, tmp_path):
     path = write(tmp_path / "movie.tif", spots())
     blocked = tmp_path / "file"
