@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -16,11 +16,13 @@ from rotortrack.files import atomic_path
 from rotortrack.report.figures import (
     canvas,
     cumulative_angle,
-    drift as drift_figure,
     field,
     msd,
     rotor_sheet,
     speeds,
+)
+from rotortrack.report.figures import (
+    drift as drift_figure,
 )
 from rotortrack.report.figures.canvas import FileFormat
 
@@ -134,7 +136,7 @@ def draw_run(
     return written
 
 
-def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[str, object]]:
+def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[Any, Any]]:
     """Return the rows that get a sheet: kept rotors first, each kind by number."""
     if "verdict" not in rotors:
         return rotors.sort_values("rotor").head(most).to_dict("records")

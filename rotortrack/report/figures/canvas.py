@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, ParamSpec, TypeVar
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import matplotlib
 import numpy as np
@@ -44,7 +44,8 @@ def house_style() -> Iterator[None]:
     """Put matplotlib's defaults and `style.SETTINGS` in force for this block alone."""
     with _LOCK, matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(style.SETTINGS)
+        settings: Any = style.SETTINGS
+        matplotlib.rcParams.update(settings)
         yield
 
 
@@ -72,9 +73,12 @@ def place(figure: Figure, left: float, bottom: float, width: float, height: floa
     Fixed margins instead of an automatic layout: each of those draws the figure twice.
     """
     full_width, full_height = figure.get_size_inches()
-    return figure.add_axes(
+    axes = figure.add_axes(
         (left / full_width, bottom / full_height, width / full_width, height / full_height)
     )
+    axes.xaxis.set_label_coords(0.5, -0.28 / height)
+    axes.yaxis.set_label_coords(-0.56 / width, 0.5)
+    return axes
 
 
 def heading(figure: Figure, words: str, left_in: float, top_in: float = 0.12) -> None:
@@ -87,9 +91,7 @@ def heading(figure: Figure, words: str, left_in: float, top_in: float = 0.12) ->
 
 def notice(axes: Axes, words: str) -> None:
     """Say in the middle of empty axes why they are empty, and take their ticks away."""
-    axes.text(
-        0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", color=style.GREY
-    )
+    axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", color=style.GREY)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(NullLocator())
         axis.set_minor_locator(NullLocator())
@@ -98,7 +100,11 @@ def notice(axes: Axes, words: str) -> None:
 def save(figure: Figure, path: Path, file_format: FileFormat) -> None:
     """Write the figure; equal figures give equal bytes (no dates, salted identifiers)."""
     with house_style():
-        figure.savefig(path, format=file_format, metadata=_NO_DATES[file_format])
+        # Level 3 writes twice as fast as the default of 6; the files are a tenth larger.
+        fast: dict[str, Any] = {}
+        if file_format == "png":
+            fast["pil_kwargs"] = {"compress_level": 3}
+        figure.savefig(path, format=file_format, metadata=_NO_DATES[file_format], **fast)
 
 
 def thin(x: Floats, y: Floats, points: int = 1600) -> tuple[Floats, Floats]:

@@ -58,9 +58,7 @@ def draw(axes: Axes, track: pd.DataFrame, rotor: Row, *, frame_interval_s: float
         line = turns.mean() + speed * (ends - time.mean())
         axes.plot(ends, line, "--", color=style.INK, lw=0.9, label="measured speed")
         axes.set_ylim(limits)
-        axes.legend(loc="upper left" if speed < 0 else "lower right")
-        if speed < 0:
-            axes.legend(loc="upper right")
+        axes.legend(loc="upper right" if speed < 0 else "lower right")
     _degrees_axis(axes)
 
 
@@ -73,7 +71,7 @@ def all_rotors(
     Curves carry their rotor's number at the right wherever numbers do not collide, the fastest
     first. `tracks` maps a rotor's number to its rows of the tracks.
     """
-    made = canvas.new_figure(8.6, 5.0)
+    made = canvas.new_figure(9.3, 5.0)
     axes = canvas.place(made, 0.8, 0.55, 4.9, 3.95)
     kept = rotors[rotors["verdict"] == "kept"] if "verdict" in rotors else rotors
     ends: list[tuple[float, int, str]] = []
@@ -106,7 +104,7 @@ def all_rotors(
         for look in style.BEHAVIOURS.values()
         if look.label in seen
     ]
-    made.legend(handles=handles, loc="upper left", bbox_to_anchor=(6.75 / 8.6, 4.55 / 5.0))
+    made.legend(handles=handles, loc="upper left", bbox_to_anchor=(6.85 / 9.3, 4.6 / 5.0))
     return made
 
 

@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rotortrack.errors import UsageError
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
 from rotortrack.report.figures.canvas import Floats
-from rotortrack.report.figures.labels import LABEL_SIZE, place_labels, points_per_unit
+from rotortrack.report.figures.labels import LABEL_SIZE, MARK_SIZE, place_labels, points_per_unit
 
 LEAST_WIDTH_IN = 7.0
 MOST_WIDTH_IN = 30.0
@@ -145,7 +145,7 @@ def _draw_rotors(
     radius = np.nan_to_num(_column(shown, "radius_nm"), nan=0.0, posinf=0.0)
     kinds = _verdicts(shown)
     # A fitted circle of 60 nm is a dot on a field of 20 um: a marker of fixed size surrounds it.
-    marker_points = float(np.clip(0.45 * RESOLVED_NM * scale, 3.0, 11.0))
+    marker_points = float(np.clip(0.4 * RESOLVED_NM * scale, 3.0, MARK_SIZE))
     for kind, look in style.VERDICTS.items():
         one = kinds == kind
         if not one.any():
@@ -175,7 +175,14 @@ def _draw_rotors(
             linewidths=1.1,
             linestyles=look.line,
         )
-    anchors = place_labels(x * scale, y * scale, numbers, marker_points / 2 + 1.0)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    anchors = place_labels(
+        (x - left) * scale,
+        (y - top) * scale,
+        numbers,
+        mark=marker_points,
+        page=((right - left) * scale, (bottom - top) * scale),
+    )
     halo = [withStroke(linewidth=1.6, foreground="white")]
     for i, anchor in enumerate(anchors):
         if anchor is not None:
@@ -196,12 +203,18 @@ def _draw_rotors(
 
 def _legend(made: Figure, shown: pd.DataFrame) -> None:
     """Explain the marks below the field."""
-    kinds = list(_verdicts(shown))
+    kinds = _verdicts(shown).tolist()
     handles = [
         Line2D(
-            [], [], color=look.colour, marker=look.marker, ms=8, mfc="none", ls="none",
+            [],
+            [],
+            color=look.colour,
+            marker=look.marker,
+            ms=8,
+            mfc="none",
+            ls="none",
             label=f"{look.label} ({kinds.count(kind)})",
-        )  # fmt: skip
+        )
         for kind, look in style.VERDICTS.items()
         if kind in kinds
     ]
@@ -211,7 +224,7 @@ def _legend(made: Figure, shown: pd.DataFrame) -> None:
         made.legend(handles=handles, loc="lower left", ncols=2, bbox_to_anchor=anchor)
 
 
-def _verdicts(rotors: pd.DataFrame) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
+def _verdicts(rotors: pd.DataFrame) -> NDArray[np.str_]:
     if "verdict" not in rotors:
         return np.full(len(rotors), "kept")
     return np.array(["kept" if v == "kept" else "refused" for v in rotors["verdict"]], np.str_)

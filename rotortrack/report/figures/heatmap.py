@@ -36,7 +36,7 @@ def figure(localisations: pd.DataFrame, rotor: Row, track: pd.DataFrame | None =
     track
         Its rows of the tracks: 20 consecutive positions are drawn over the map.
     """
-    made = canvas.new_figure(5.2, 5.4)
+    made = canvas.new_figure(5.6, 5.4)
     canvas.heading(made, words.wrap(words.title(rotor), 60, 3), 0.2)
     draw(canvas.place(made, 0.8, 0.85, 3.7, 3.7), localisations, rotor, track)
     return made
@@ -67,11 +67,11 @@ def draw(
         interpolation="nearest",
         aspect="equal",
     )
+    axes.set_xlim(left, left + end)
+    axes.set_ylim(top + end, top)
     _draw_path(axes, track)
     _draw_circle(axes, rotor)
     _draw_scale_bar(axes, left + 0.96 * end, top + 0.96 * end)
-    axes.set_xlim(left, left + end)
-    axes.set_ylim(top + end, top)
     axes.spines[["top", "right"]].set_visible(True)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
@@ -94,9 +94,7 @@ def draw(
             color=style.GREY,
         )
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3, columnspacing=1.2
-        )
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3, columnspacing=1.2)
     _draw_colour_bar(axes, image, f"localisations per ({pixel:g} nm)²")
 
 
@@ -144,13 +142,14 @@ def _counts(across: Floats, down: Floats, pixel: float, pixels: int) -> Floats:
 
 def _draw_colour_bar(axes: Axes, image: AxesImage, label: str) -> None:
     """Draw the scale of counts at the right of the map."""
-    most = image.norm.vmax or 1.0
+    most = float(np.max(image.get_clim()))
     side = axes.inset_axes((1.04, 0.0, 0.035, 1.0))
     colours = np.linspace(0.0, most, 128)[:, None]
     side.imshow(
         colours,
         cmap=image.cmap,
-        norm=image.norm,
+        vmin=0.0,
+        vmax=most,
         extent=(0, 1, 0, most),
         origin="lower",
         aspect="auto",
@@ -164,18 +163,22 @@ def _draw_colour_bar(axes: Axes, image: AxesImage, label: str) -> None:
 
 
 def _draw_circle(axes: Axes, rotor: Row) -> None:
-    """Draw the fitted circle and its centre where the table has them."""
+    """Draw the fitted circle and its centre, each if it comes into view."""
     xc, yc = words.number(rotor, "x_nm"), words.number(rotor, "y_nm")
     radius = words.number(rotor, "radius_nm")
     if not (math.isfinite(xc) and math.isfinite(yc)):
         return
-    if math.isfinite(radius) and radius > 0:
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    corner = math.hypot(max(xc - left, right - xc), max(yc - top, bottom - yc))
+    nearest = math.hypot(max(left - xc, xc - right, 0), max(top - yc, yc - bottom, 0))
+    if nearest < radius < corner:
         axes.add_patch(
             Circle((xc, yc), radius, fill=False, color=style.VERMILLION, lw=1.3, label="circle")
         )
-    axes.plot(
-        [xc], [yc], "+", color=style.VERMILLION, ms=11, mew=1.6, ls="none", label="centre"
-    )
+    if nearest == 0:
+        axes.plot(
+            [xc], [yc], "+", color=style.VERMILLION, ms=11, mew=1.6, ls="none", label="centre"
+        )
 
 
 def _draw_path(axes: Axes, track: pd.DataFrame | None) -> None:

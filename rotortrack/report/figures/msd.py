@@ -39,7 +39,7 @@ def curve(track: pd.DataFrame, frame_interval_s: float, points: int = 160) -> Cu
     at = np.unique(np.geomspace(1, longest, points).round().astype(np.int64)) - 1
     values = result.values[at] * DEGREES_PER_RADIAN**2
     known = np.isfinite(values) & (values > 0)
-    return result.lags[at][known] * frame_interval_s, values[known]
+    return (result.lags[at][known] * frame_interval_s).astype(np.float64), values[known]
 
 
 @canvas.in_house_style
@@ -82,7 +82,7 @@ def draw(axes: Axes, points: Curve, rotor: Row) -> None:
         inside = (lags >= first * (1 - 1e-9)) & (lags <= last * (1 + 1e-9))
         axes.plot(lags, fit, "--", color=style.INK, lw=0.8)
         axes.plot(lags[inside], fit[inside], "-", color=style.INK, lw=1.6, label="v²τ² + 2Dτ")
-        axes.set_title(f"v = {_short(speed)}°/s, D = {_short(diffusion)} deg²/s")
+        axes.set_title(f"v = {_short(speed)} deg/s, D = {_short(diffusion)} deg²/s")
     _scale(axes, lags, values)
     axes.legend(loc="upper left", labelspacing=0.25)
 

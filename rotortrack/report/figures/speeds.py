@@ -32,7 +32,7 @@ def figure(rotors: pd.DataFrame) -> Figure:
     measured = np.flatnonzero(np.isfinite(speeds))
     order = measured[np.argsort(speeds[measured], kind="stable")]
     dots_height = float(np.clip(0.145 * len(order), 1.2, 8.0))
-    made = canvas.new_figure(8.4, 4.0 + dots_height)
+    made = canvas.new_figure(8.7, 3.55 + dots_height)
     bottom = 0.6 + dots_height
     dots = canvas.place(made, 0.85, 0.5, 5.0, dots_height)
     bars = canvas.place(made, 0.85, bottom + 0.1, 5.0, 2.0)
@@ -48,7 +48,7 @@ def figure(rotors: pd.DataFrame) -> Figure:
     edges = _edges(speeds[order])
     _draw_histogram(bars, speeds[order], names, edges)
     _draw_dots(dots, speeds[order], low, high, names, numbers)
-    limits = _limits(speeds[order], low, high, edges)
+    limits = _limits(low, high, edges)
     for axes in (bars, dots):
         axes.set_xlim(limits)
         axes.axvline(0, color=style.INK, lw=0.8, zorder=0)
@@ -77,7 +77,7 @@ def _edges(speeds: Floats) -> Floats:
     return np.arange(first - 1, last + 2) * width
 
 
-def _limits(speeds: Floats, low: Floats, high: Floats, edges: Floats) -> tuple[float, float]:
+def _limits(low: Floats, high: Floats, edges: Floats) -> tuple[float, float]:
     """Show all speeds, and intervals unless they are wider than everything else."""
     span = edges[-1] - edges[0]
     return (
@@ -143,9 +143,14 @@ def _legend(made: Figure, names: list[str], without_speed: int) -> None:
     kinds = [style.behaviour(name).label for name in names]
     handles = [
         Line2D(
-            [], [], color=look.colour, marker=look.marker, ms=5, mew=0,
+            [],
+            [],
+            color=look.colour,
+            marker=look.marker,
+            ms=5,
+            mew=0,
             label=f"{look.label} ({kinds.count(look.label)})",
-        )  # fmt: skip
+        )
         for look in style.BEHAVIOURS.values()
         if look.label in kinds
     ]
@@ -154,6 +159,6 @@ def _legend(made: Figure, names: list[str], without_speed: int) -> None:
         handles.append(Line2D([], [], ls="none", label=label))
     width, height = made.get_size_inches()
     made.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(5.95 / width, 1 - 0.8 / height),
+        handles=handles, loc="upper left", bbox_to_anchor=(6.2 / width, 1 - 0.85 / height),
         title="bars: 95 % interval", alignment="left",
     )  # fmt: skip

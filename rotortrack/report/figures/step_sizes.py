@@ -70,7 +70,7 @@ def _steps(track: pd.DataFrame) -> Floats:
     good[1:] &= np.diff(track["frame"].to_numpy(np.int64)) == 1
     if "used" in track:
         good &= track["used"].to_numpy(bool)
-    return steps[good]
+    return steps[good].astype(np.float64)
 
 
 def _bins(mean: float, sd: float) -> Floats:
@@ -78,4 +78,4 @@ def _bins(mean: float, sd: float) -> Floats:
     reach = min(180.0, max(abs(mean) + 5 * sd, 1.0))
     width = next((w for w in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if w >= reach / 45), 5.0)
     half = math.ceil(reach / width - 1e-9)
-    return np.arange(-half, half + 1) * width
+    return np.arange(-half, half + 1, dtype=np.float64) * width

@@ -11,6 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from rotortrack.tables import DRIFT, LOCALISATIONS, ROTORS, TRACKS, empty
+
 FRAME_INTERVAL_S = 0.002
 KINDS = ("driven_ccw", "driven_cw", "brownian", "stuck", "toggling")
 
@@ -28,17 +30,21 @@ class Run:
         return spots, self.rotors[self.rotors["rotor"] == rotor].iloc[0].to_dict(), track
 
 
+def by_rotor(table):
+    return {int(number): part for number, part in table.groupby("rotor")}
+
+
 def theta_of(kind, frames, rng):
     steps = rng.normal(0, 0.3, frames)
     if kind == "driven_ccw":
-        return np.cumsum(steps + rng.uniform(0.01, 0.25)), 0.0
+        return np.cumsum(steps + rng.uniform(0.01, 0.25))
     if kind == "driven_cw":
-        return np.cumsum(steps - rng.uniform(0.01, 0.25)), 0.0
+        return np.cumsum(steps - rng.uniform(0.01, 0.25))
     if kind == "brownian":
-        return np.cumsum(steps), 0.0
+        return np.cumsum(steps)
     if kind == "stuck":
-        return np.full(frames, 0.7) + rng.normal(0, 0.1, frames), 0.0
-    return np.pi * (np.cumsum(rng.random(frames) < 0.02) % 2) + rng.normal(0, 0.1, frames), 0.0
+        return np.full(frames, 0.7) + rng.normal(0, 0.1, frames)
+    return np.pi * (np.cumsum(rng.random(frames) < 0.02) % 2) + rng.normal(0, 0.1, frames)
 
 
 def make_run(n=20, frames=8000, seed=1, pitch_nm=2000.0, first_number=0):
@@ -50,13 +56,14 @@ def make_run(n=20, frames=8000, seed=1, pitch_nm=2000.0, first_number=0):
         kind = KINDS[i % len(KINDS)]
         number = first_number + i
         refused = kind == "stuck"
-        theta, _ = theta_of(kind, frames, rng)
+        theta = theta_of(kind, frames, rng)
         xc = 1500 + (i % columns) * pitch_nm + rng.uniform(-50, 50)
         yc = 1500 + (i // columns) * pitch_nm + rng.uniform(-50, 50)
         radius = rng.uniform(40, 110)
         x = xc + radius * np.cos(theta) + rng.normal(0, 9, frames)
         y = yc - radius * np.sin(theta) + rng.normal(0, 9, frames)
         seen = rng.random(frames) < 0.93
+        seen[[0, -1]] = True
         frame = np.flatnonzero(seen)
         x, y = x[seen], y[seen]
         measured = np.arctan2(-(y - yc), x - xc)
@@ -97,6 +104,8 @@ def make_run(n=20, frames=8000, seed=1, pitch_nm=2000.0, first_number=0):
                 "msd_lag_min_s": dt * nothing, "msd_lag_max_s": 500 * dt * nothing,
             }
         )  # fmt: skip
+    if not rows:
+        return Run(*(empty(schema) for schema in (ROTORS, TRACKS, LOCALISATIONS, DRIFT)))
     at = np.arange(frames)
     drift = pd.DataFrame(
         {
@@ -114,6 +123,9 @@ def visible_texts(figure: Figure) -> list[tuple[str, np.ndarray]]:
     hidden = set()
     for axes in [a for parent in figure.axes for a in (parent, *parent.child_axes)]:
         for axis in (axes.xaxis, axes.yaxis):
+            if not axis.get_visible():
+                hidden |= set(map(id, axis.findobj(Text)))
+                continue
             shown = set(map(id, axis._update_ticks()))
             for tick in (*axis.majorTicks, *axis.minorTicks):
                 if id(tick) not in shown:
