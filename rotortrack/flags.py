@@ -31,9 +31,7 @@ class FitFlag(IntFlag):
         return not self & FIT_FAILED
 
 
-FIT_FAILED = (
-    FitFlag.ITERATION_LIMIT | FitFlag.SINGULAR | FitFlag.LEFT_WINDOW | FitFlag.NOT_FINITE
-)
+FIT_FAILED = FitFlag.ITERATION_LIMIT | FitFlag.SINGULAR | FitFlag.LEFT_WINDOW | FitFlag.NOT_FINITE
 
 _SENTENCES = {
     FitFlag.ITERATION_LIMIT: (
