@@ -25,11 +25,6 @@ class FitFlag(IntFlag):
         """The meaning of a single flag, as shown to the user, with what to try."""
         return _SENTENCES[self]
 
-    @property
-    def converged(self) -> bool:
-        """Whether the fit reached its optimum."""
-        return not self & FIT_FAILED
-
 
 FIT_FAILED = FitFlag.ITERATION_LIMIT | FitFlag.SINGULAR | FitFlag.LEFT_WINDOW | FitFlag.NOT_FINITE
 

@@ -14,7 +14,6 @@ class Exit(IntEnum):
     INPUT = 3
     CONFIGURATION = 4
     NOTHING_FOUND = 5
-    LOCKED = 6
     RESOURCES = 7
     INTERRUPTED = 130
     READER_GONE = 141
@@ -33,7 +32,6 @@ _SENTENCES = {
     Exit.INPUT: "An input file cannot be used.",
     Exit.CONFIGURATION: "One or more options are wrong or missing.",
     Exit.NOTHING_FOUND: "Nothing was found, and --strict asked to be told.",
-    Exit.LOCKED: "Another process is writing to this run folder.",
     Exit.RESOURCES: "Disk, memory or permission did not allow the work to go on.",
     Exit.INTERRUPTED: "Stopped by the user (SIGINT).",
     Exit.READER_GONE: "The program that read the output closed it early (SIGPIPE).",

@@ -14,9 +14,9 @@ def draw(result: Result, stages: Stages) -> None:
     draw_run(
         result.folder.path,
         rotors=result.rotors,
-        tracks=result.tracks,
-        localisations=result.localisations,
-        drift=result.drift,
+        tracks=result.tables["tracks"],
+        localisations=result.tables["localisations"],
+        drift=result.tables["drift"],
         frame_interval_s=movie.frame_interval_s,
         pixel_size_nm=movie.pixel_size_nm,
         mean_image=result.mean_image,

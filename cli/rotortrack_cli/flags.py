@@ -49,7 +49,8 @@ def stage_options(*sections: str) -> Callable[[_Function], _Function]:
     Parameters
     ----------
     *sections
-        Names of the sections whose options become flags; none for a command with `--set` alone.
+        Sections whose options become flags (`drift`), or single options (`movie.exposure_s`); none
+        for a command with `--set` alone.
 
     Raises
     ------
@@ -120,14 +121,14 @@ def flags_of(sections: tuple[str, ...]) -> list[Flag]:
     TypeError
         Two flags, prefixed or common ones included, have the same name.
     """
-    shared = Counter(
-        field.name for section in sections for field in option_fields(SECTIONS[section])
-    )
-    flags = [
-        Flag(section, field, prefixed=shared[field.name] > 1)
-        for section in sections
+    chosen = [
+        (section, field)
+        for section, _, name in (word.partition(".") for word in sections)
         for field in option_fields(SECTIONS[section])
+        if name in ("", field.name)
     ]
+    shared = Counter(field.name for _, field in chosen)
+    flags = [Flag(section, field, prefixed=shared[field.name] > 1) for section, field in chosen]
     taken = Counter(name for flag in flags for name in flag.names) + _COMMON_FLAGS
     twice = [name for name, count in taken.items() if count > 1]
     if twice:
@@ -167,7 +168,7 @@ def _read_config(path: Path) -> dict[str, dict[str, Any]]:
     values = read_toml(path)
     maps = values.get("camera", {}).get("camera_maps")
     if isinstance(maps, str):
-        values["camera"]["camera_maps"] = str(path.parent / maps)
+        values["camera"]["camera_maps"] = str((path.parent / maps).resolve())
     return values
 
 

@@ -80,6 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return Exit.DONE
     except click.exceptions.Exit as end:
         return end.exit_code
+    except click.exceptions.NoArgsIsHelpError as failure:
+        console.error_text(failure.format_message())
+        return Exit.USAGE
     except BaseException as failure:
         if isinstance(failure, SystemExit):
             raise
@@ -116,7 +119,7 @@ def _explain(failure: BaseException) -> tuple[int, Sequence[str]]:
             ]
         case BrokenPipeError():
             return Exit.READER_GONE, []
-        case OSError() if failure.errno in _RESOURCE_ERRORS:
+        case OSError() if failure.errno not in (None, errno.ENOENT):
             return Exit.RESOURCES, [_resource_sentence(failure)]
     return Exit.BUG, [
         f"this is a bug in rotortrack, please report it: {type(failure).__name__}: {failure} "
@@ -130,24 +133,10 @@ def _usage_sentences(failure: click.UsageError) -> list[str]:
     return [*lines, f"see {path} --help"]
 
 
-_RESOURCE_ERRORS = {
-    errno.EACCES,
-    errno.EDQUOT,
-    errno.EFBIG,
-    errno.EIO,
-    errno.EMFILE,
-    errno.ENFILE,
-    errno.ENOMEM,
-    errno.ENOSPC,
-    errno.EPERM,
-    errno.EROFS,
-}
-
-
 def _resource_sentence(failure: OSError) -> str:
     what = f"{failure.filename}: " if failure.filename else ""
     return (
-        f"{what}{os.strerror(failure.errno or 0)}: free disk space or memory, or use files and "
+        f"{what}{failure.strerror or failure}: free disk space or memory, or use files and "
         "folders that you may read and write"
     )
 

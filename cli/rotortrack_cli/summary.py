@@ -6,6 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from rotortrack.errors import NothingFoundError
+from rotortrack.units import TURN_RAD
 from rotortrack_cli.console import Console
 
 if TYPE_CHECKING:
@@ -21,7 +22,10 @@ def show_run(console: Console, result: Result, seconds: float) -> None:
     counts = result.record.content["counts"]
     rotors = result.rotors
     kept = rotors[rotors["verdict"] == "kept"]
-    lines = [f"frames            {counts['frames']}", f"spots             {_spots(counts)}"]
+    lines = [
+        f"frames            {counts.get('frames', 'unknown')}",
+        f"spots             {_spots(counts)}",
+    ]
     lines.append(f"rotors            {len(rotors)} found, {len(kept)} kept")
     if counts.get("small_clusters"):
         lines.append(f"  ignored         {counts['small_clusters']} clusters of too few spots")
@@ -43,33 +47,31 @@ def show_run(console: Console, result: Result, seconds: float) -> None:
 
 
 def _spots(counts: dict[str, Any]) -> str:
-    spots = str(counts["localisations"])
+    spots = str(counts.get("localisations", "unknown"))
     if "precise" in counts:
         spots += f" fitted, {counts['precise']} precise, {counts['dense']} with neighbours"
-    if counts.get("saturated"):
-        spots += f"; {counts['saturated']} with saturated pixels"
+    if counts.get("saturated_spots"):
+        spots += f"; {counts['saturated_spots']} with saturated pixels"
     if counts.get("masked_pixels"):
-        spots += f"; {counts['masked_pixels']} pixels without a number"
+        spots += f"; {counts['masked_pixels']} pixels without a number were left out"
     return spots
 
 
 def _speeds(kept: pd.DataFrame) -> tuple[list[str], list[list[object]]]:
     header = ["rotor", "x um", "y um", "R nm", "rev/s", "+-", "D rad2/s", "behaviour"]
-    rows: list[list[object]] = []
-    for row in kept.head(ROTORS_SHOWN).to_dict("records"):
-        error = row["omega_sd_rad_s"] * row["rev_per_s"] / row["omega_rad_s"]
-        rows.append(
-            [
-                row["rotor"],
-                row["x_nm"] / 1000.0,
-                row["y_nm"] / 1000.0,
-                row["radius_nm"],
-                row["rev_per_s"],
-                error,
-                row["diffusion_rad2_s"],
-                row["behaviour"],
-            ]
-        )
+    rows: list[list[object]] = [
+        [
+            row["rotor"],
+            row["x_nm"] / 1000.0,
+            row["y_nm"] / 1000.0,
+            row["radius_nm"],
+            row["rev_per_s"],
+            row["omega_sd_rad_s"] / TURN_RAD,
+            row["diffusion_rad2_s"],
+            row["behaviour"],
+        ]
+        for row in kept.head(ROTORS_SHOWN).to_dict("records")
+    ]
     return header, rows
 
 

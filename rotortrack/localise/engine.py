@@ -8,9 +8,10 @@ the last bit.
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from rotortrack import parallel
 from rotortrack.cameras.camera import Camera
 from rotortrack.errors import MovieError
-from rotortrack.flags import FIT_FAILED, FitFlag
+from rotortrack.flags import FitFlag
 from rotortrack.localise.candidates import local_maxima
 from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_candidates
 from rotortrack.localise.options import LocaliseOptions
@@ -42,23 +43,19 @@ _DROPPED = FitFlag.LEFT_WINDOW | FitFlag.SINGULAR | FitFlag.NOT_FINITE
 
 @dataclass(frozen=True)
 class Counts:
-    """What became of a block's candidates."""
+    """What became of candidates; `flags` counts the fits that carry each flag, kept or dropped."""
 
     candidates: int = 0
     localisations: int = 0
-    left_window: int = 0
-    undetermined: int = 0
-    saturated: int = 0
     masked_pixels: int = 0
+    flags: Counter[FitFlag] = field(default_factory=Counter)
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(
             self.candidates + other.candidates,
             self.localisations + other.localisations,
-            self.left_window + other.left_window,
-            self.undetermined + other.undetermined,
-            self.saturated + other.saturated,
             self.masked_pixels + other.masked_pixels,
+            self.flags + other.flags,
         )
 
 
@@ -195,6 +192,8 @@ class _Worker:
         photons = self._camera.to_photons(counts)
         masked = ~np.isfinite(photons)
         any_masked = bool(masked.any())
+        if any_masked:
+            photons[masked] = np.nan
         if self._options.shift_negative_frames:
             lowest = np.nanmin(photons, axis=(1, 2), keepdims=True, initial=0.0)
             photons -= lowest
@@ -220,14 +219,8 @@ class _Worker:
             Counts(
                 candidates=len(candidates),
                 localisations=len(columns["frame"]),
-                left_window=int(np.count_nonzero(flags & FitFlag.LEFT_WINDOW)),
-                undetermined=int(
-                    np.count_nonzero(
-                        (flags & (_DROPPED | FIT_FAILED) != 0) & (flags & FitFlag.LEFT_WINDOW == 0)
-                    )
-                ),
-                saturated=int(np.count_nonzero(columns["fit_flags"] & FitFlag.SATURATED)),
                 masked_pixels=int(masked.sum()) if any_masked else 0,
+                flags=Counter({flag: int(np.count_nonzero(flags & flag)) for flag in FitFlag}),
             ),
         )
 

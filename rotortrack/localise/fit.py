@@ -16,7 +16,8 @@ from rotortrack.localise.likelihood import SMALLEST_EXPECTATION
 from rotortrack.localise.optimise import LEAST_SQUARES, LIKELIHOOD, optimise
 from rotortrack.localise.precision import covariance
 
-METHODS: Final = {"lsq": 0, "wlsq": 1, "mle": 2}
+_LSQ, _WLSQ, _MLE = range(3)
+METHODS: Final = {"lsq": _LSQ, "wlsq": _WLSQ, "mle": _MLE}
 
 RESULT_COLUMNS: Final = (
     "x_px",
@@ -112,19 +113,24 @@ def fit_candidates(
         parameters[BACKGROUND] = max(lowest, 0.0)
         parameters[PHOTONS] = max((highest - lowest) * 2.0 * math.pi * start_sigma**2, 1.0)
         parameters[SIGMA] = start_sigma
-        if method == 2:
-            end = optimise(LIKELIHOOD, data, noise, keep, parameters)
+        if method == _WLSQ:
+            inverse_value_weights(data, keep, weights)
         else:
-            if method == 1:
-                inverse_value_weights(data, keep, weights)
-            else:
-                weights[:, :] = keep
-            end = optimise(LEAST_SQUARES, data, weights, keep, parameters)
+            weights[:, :] = keep
+        # One call for both kinds: every further one is inlined and compiled again.
+        likely = method == _MLE
+        end = optimise(
+            LIKELIHOOD if likely else LEAST_SQUARES,
+            data,
+            noise if likely else weights,
+            keep,
+            parameters,
+        )
         if masked > 0:
             end |= _MASKED_PIXELS
         if not (abs(parameters[X]) <= radius and abs(parameters[Y]) <= radius):
             end |= _LEFT_WINDOW
-        if covariance(parameters, noise, keep, weights, method != 2, matrix):
+        if covariance(parameters, noise, keep, weights, not likely, matrix):
             results[k, 5] = math.sqrt(matrix[X, X])
             results[k, 6] = math.sqrt(matrix[Y, Y])
         else:

@@ -44,6 +44,10 @@ _FUNCTIONS: dict[str, Callable[[NDArray[np.float64]], np.floating[Any]]] = {
 _PLANES = {"I": "I", "Wave.I": "I", "F": "F", "Wave.F": "F", "Wave.F1": "F1", "Wave.F2": "F2"}
 
 
+MAX_LENGTH = 200
+"""Longer formulas are mistakes; the limit also bounds the parser's recursion."""
+
+
 @dataclass(frozen=True)
 class Threshold:
     """A parsed threshold."""
@@ -59,7 +63,8 @@ class Threshold:
         planes
             ``I``, ``F``, ``F1`` and ``F2``, each (height, width), in photons.
         """
-        return np.float32(self._evaluate(planes))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.float32(self._evaluate(planes))
 
 
 def parse_threshold(text: float | str) -> Threshold:
@@ -70,6 +75,10 @@ def parse_threshold(text: float | str) -> Threshold:
     ConfigurationError
         The text is not a formula of the grammar above, or gives an image instead of a number.
     """
+    if len(str(text)) > MAX_LENGTH:
+        raise ConfigurationError(
+            f"threshold is {len(str(text))} characters long: give at most {MAX_LENGTH}"
+        )
     parser = _Parser(str(text))
     node = parser.sum()
     if parser.position < len(parser.tokens):
@@ -78,13 +87,17 @@ def parse_threshold(text: float | str) -> Threshold:
         raise ConfigurationError(
             f"threshold {text!r} gives an image, not a number: wrap it, as in std({text})"
         )
-    return Threshold(str(text), node.evaluate)
+    threshold = Threshold(str(text), node.evaluate)
+    if not node.needs_planes and not np.isfinite(threshold.value({})):
+        raise ConfigurationError(f"threshold {text!r} is no finite number: give one")
+    return threshold
 
 
 @dataclass(frozen=True)
 class _Node:
     evaluate: _Evaluate
     is_image: bool
+    needs_planes: bool = False
 
 
 class _Parser:
@@ -133,7 +146,9 @@ class _Parser:
         while symbol := self.take("+-"):
             negative ^= symbol == "-"
         node = self.atom()
-        return _Node(lambda planes: -node.evaluate(planes), node.is_image) if negative else node
+        if not negative:
+            return node
+        return _Node(lambda planes: -node.evaluate(planes), node.is_image, node.needs_planes)
 
     def atom(self) -> _Node:
         if self.take("("):
@@ -148,16 +163,20 @@ class _Parser:
         if name in _PLANES:
             self.position += 1
             plane = _PLANES[name]
-            return _Node(lambda planes: planes[plane].astype(np.float64), is_image=True)
+            return _Node(lambda planes: planes[plane].astype(np.float64), True, True)
         if name in _FUNCTIONS or name == "abs":
             self.position += 1
             if not self.take("("):
                 raise self.error(f"should be the ( of {name}")
             inner = self.closed()
             if name == "abs":
-                return _Node(lambda planes: np.abs(inner.evaluate(planes)), inner.is_image)
+                return _Node(
+                    lambda planes: np.abs(inner.evaluate(planes)),
+                    inner.is_image,
+                    inner.needs_planes,
+                )
             function = _FUNCTIONS[name]
-            return _Node(lambda planes: function(inner.evaluate(planes)), is_image=False)
+            return _Node(lambda planes: function(inner.evaluate(planes)), False, inner.needs_planes)
         raise self.error("is not known")
 
     def closed(self) -> _Node:
@@ -172,4 +191,5 @@ def _combine(symbol: str, left: _Node, right: _Node) -> _Node:
     return _Node(
         lambda planes: operation(left.evaluate(planes), right.evaluate(planes)),
         left.is_image or right.is_image,
+        left.needs_planes or right.needs_planes,
     )

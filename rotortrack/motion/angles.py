@@ -21,6 +21,10 @@ Floats = NDArray[np.float64]
 GapMode = Literal["drop", "bridge"]
 
 
+MOST_FRAMES = 20_000_000
+"""Eleven hours at 500 frames/s; a longer gap is a mistake in the table, not a movie."""
+
+
 def angle(x_nm: Floats, y_nm: Floats, centre_x_nm: Floats, centre_y_nm: Floats) -> Floats:
     """Angle of points about a centre, in (-pi, pi] rad, counter-clockwise on the displayed image.
 
@@ -90,7 +94,8 @@ def build_tracks(
     Raises
     ------
     TableError
-        The column `rotor` is missing, or a rotor has two usable rows in one frame.
+        The column `rotor` is missing, a rotor has two usable rows in one frame, or frame numbers
+        jump by more than MOST_FRAMES.
     """
     if "rotor" not in localisations.columns:
         raise TableError("the localisations lack the column rotor: cluster them first")
@@ -107,6 +112,11 @@ def build_tracks(
         raise TableError(
             f"rotor {rotor[where]} has several localisations in frame {frame[where]}: cluster "
             "again, so that all but one are flagged as duplicates"
+        )
+    if rotor.size and np.any(frames_apart[same_rotor] > MOST_FRAMES):
+        raise TableError(
+            f"frame numbers jump by more than {MOST_FRAMES} frames within a rotor: check the "
+            "column frame"
         )
     circle = circles.loc[rotor]
     radius = circle["radius_nm"].to_numpy("float64")

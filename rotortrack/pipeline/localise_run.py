@@ -20,6 +20,9 @@ from rotortrack.movies.tiff import open_movie
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.settings import Layer, Settings, resolve
 
+FIRST_FRAME = "first_frame"
+"""Key of a table's provenance: the first frame of the movie that was looked at."""
+
 _FROM_FILE = ("pixel_size_nm", "frame_interval_s", "exposure_s")
 
 
@@ -84,6 +87,7 @@ def opened(path: Path, layers: list[Layer], *required: str) -> Iterator[OpenedMo
     with open_movie(path) as whole:
         settings = settings_for_movie(whole, layers)
         camera = _demand(settings, *required)
+        camera.check_fits(*whole.shape[1:])
         movie = select(whole, settings["movie"].region, settings["movie"].frames)
         if not camera.is_scalar and settings["movie"].region:
             camera = camera.crop(*settings["movie"].region)
@@ -106,28 +110,33 @@ def _demand(settings: Settings, *required: str) -> Camera:
     return camera
 
 
+def extent(source: OpenedMovie, provenance: Mapping[str, object]) -> TableInfo:
+    """Describe the movie to a table of its localisations: frames count from frame 0 of the file."""
+    movie, options = source.movie, source.settings["movie"]
+    frames, height, width = movie.shape
+    return TableInfo(
+        pixel_size_nm=options.pixel_size_nm,
+        frames=movie.first_frame + frames,
+        height_px=movie.origin_px[1] + height,
+        width_px=movie.origin_px[0] + width,
+        frame_interval_s=options.frame_interval_s,
+        provenance={FIRST_FRAME: movie.first_frame, **provenance},
+    )
+
+
 def localise_to_file(
     source: OpenedMovie,
     target: Path,
-    provenance: Mapping[str, object],
     *,
     workers: int | None = None,
     progress: Progress = silent,
 ) -> Counts:
     """Localise a movie into a table file, block by block."""
     movie, settings = source.movie, source.settings
-    frames, height, width = movie.shape
-    info = TableInfo(
-        pixel_size_nm=settings["movie"].pixel_size_nm,
-        frames=movie.first_frame + frames,
-        height_px=movie.origin_px[1] + height,
-        width_px=movie.origin_px[0] + width,
-        frame_interval_s=settings["movie"].frame_interval_s,
-        provenance=provenance,
-    )
+    frames = movie.shape[0]
     counts = Counts()
     progress("localise", 0, frames)
-    with open_writer(target, info) as writer:
+    with open_writer(target, extent(source, settings.as_dict())) as writer:
         for block in localise(
             movie,
             source.camera,

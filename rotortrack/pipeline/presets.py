@@ -55,7 +55,8 @@ PRESET_NOTES: dict[str, tuple[str, ...]] = {
     "paper": (
         "the paper does not name its fit: weighted least squares with the plugin's threshold "
         "std(Wave.F1), radius 3 px and start width 1.6 px were chosen",
-        "the paper does not name the plugin's release: the uncertainty formula of 2016 was chosen",
+        "the paper does not name the plugin's release: the uncertainty formula of 2016 was chosen, "
+        "with the plugin's read noise setting at its default of 0",
         "the paper's 50 nm may be a radius or a diameter: the plugin's field is a radius, so "
         "density.radius_nm = 50 was chosen (25 is the other reading)",
         "the paper does not name its drift bins, clustering distance, circle fit or lags of the "

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rotortrack.errors import InputError, RotortrackWarning
+from rotortrack.localise.engine import Counts
 from rotortrack.settings import Layer, Settings
 
 _LIBRARIES = ("rotortrack", "numpy", "scipy", "numba", "pandas", "pyarrow", "tifffile")
@@ -96,40 +97,43 @@ class Record:
         with warnings.catch_warnings():
             warnings.simplefilter("always", RotortrackWarning)
             show = warnings.showwarning
+            seen = self.content["warnings"]
 
             def record_and_show(
                 message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any
             ) -> None:
-                if issubclass(category, RotortrackWarning):
-                    self.content["warnings"].append(str(message))
+                sentence = str(message)
+                if issubclass(category, RotortrackWarning) and sentence not in seen:
+                    seen.append(sentence)
                 show(message, category, *args, **kwargs)
 
             warnings.showwarning = record_and_show
             yield
 
-    def continue_from(self, manifest: dict[str, Any], origin: str) -> list[Layer]:
-        """Take over what an earlier command recorded; give its chosen options as layers.
+    def continue_from(self, manifest: dict[str, Any]) -> list[Layer]:
+        """Take over what an earlier command recorded; give its chosen options as layers."""
+        for key in ("inputs", "notes", "warnings", "counts", "seconds"):
+            self.content[key] = manifest[key]
+        return [
+            Layer(str(entry["origin"]), {section: {key: entry["value"]}})
+            for section, entries in manifest["options"].items()
+            for key, entry in entries.items()
+            if entry["origin"] != "default"
+        ]
 
-        Raises
-        ------
-        InputError
-            The manifest is not one of ours.
-        """
-        try:
-            for key in ("inputs", "notes", "warnings"):
-                self.content[key] = list(manifest[key])
-            for key in ("counts", "seconds"):
-                self.content[key] = dict(manifest[key])
-            return [
-                Layer(f"{origin} ({entry['origin']})", {section: {key: entry["value"]}})
-                for section, entries in manifest["options"].items()
-                for key, entry in entries.items()
-                if entry["origin"] != "default"
-            ]
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise InputError(
-                f"{origin} is not a manifest of this program ({error!r}): make the run again"
-            ) from error
+    def count_spots(self, frames: int, counts: Counts) -> None:
+        """Record what became of a movie's candidates."""
+        self.count(
+            frames=frames,
+            candidates=counts.candidates,
+            localisations=counts.localisations,
+            masked_pixels=counts.masked_pixels,
+            **{
+                f"{str(flag.name).lower()}_spots": count
+                for flag, count in counts.flags.items()
+                if count
+            },
+        )
 
     def note(self, sentence: str) -> None:
         """Record a choice that was made for the user."""
@@ -137,7 +141,7 @@ class Record:
 
     def json(self) -> str:
         """Give the manifest's text."""
-        return json.dumps(self.content, indent=2, ensure_ascii=False) + "\n"
+        return json.dumps(self.content, indent=2) + "\n"
 
 
 def to_toml(values: dict[str, dict[str, Any]]) -> str:
@@ -145,7 +149,12 @@ def to_toml(values: dict[str, dict[str, Any]]) -> str:
     lines = []
     for section, content in values.items():
         lines.append(f"[{section}]")
-        # JSON's spelling of strings, numbers, booleans and lists is valid TOML.
-        lines.extend(f"{key} = {json.dumps(value)}" for key, value in content.items())
+        lines.extend(f"{key} = {_toml_value(value)}" for key, value in content.items())
         lines.append("")
     return "\n".join(lines)
+
+
+def _toml_value(value: Any) -> str:
+    """Write a string, number, boolean or list; JSON's spelling is TOML's but for odd characters."""
+    text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return text.encode("utf-8", "replace").decode("utf-8")

@@ -11,7 +11,7 @@ from rotortrack.corrections.density import dense_enough
 from rotortrack.corrections.drift.cross_correlation import estimate_drift
 from rotortrack.corrections.drift.drift import Drift, apply_drift
 from rotortrack.corrections.quality import passes_quality
-from rotortrack.errors import TableWarning
+from rotortrack.errors import TableWarning, UsageError
 from rotortrack.exchange import csv
 from rotortrack.exchange.tables import TableInfo, read_info, read_localisations, write_localisations
 from rotortrack.pipeline.presets import SECTIONS
@@ -46,6 +46,11 @@ def correct_drift(path: Path, target: Path, layers: list[Layer]) -> tuple[Drift,
     Drift, Path
         The estimate, and the ``drift.csv`` written beside the target.
     """
+    beside = target.with_name("drift.csv")
+    if target == beside or (target.parent / "run.json").is_file():
+        raise UsageError(
+            f"{target} would take the place of a drift table: choose another name or folder with -o"
+        )
     settings, info = settings_for_table(path, layers)
     table = read_for(settings, path)
     drift = estimate_drift(
@@ -54,7 +59,6 @@ def correct_drift(path: Path, target: Path, layers: list[Layer]) -> tuple[Drift,
         pixel_size_nm=settings["movie"].pixel_size_nm,
     )
     _write(target, apply_drift(table, drift), info, settings, "drift")
-    beside = target.with_name("drift.csv")
     csv.write_csv(beside, drift.table)
     return drift, beside
 

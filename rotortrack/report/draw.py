@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from rotortrack.files import atomic_path
+from rotortrack.pipeline.store import FIGURE_NAME
 from rotortrack.report.figures import (
     canvas,
     cumulative_angle,
@@ -27,9 +27,6 @@ from rotortrack.report.figures import (
 from rotortrack.report.figures.canvas import FileFormat
 
 _FOLDER = "figures"
-_OURS = re.compile(
-    rf"(field|speeds|cumulative_angles|msds|drift|rotor-\d{{3,}})\.({'|'.join(get_args(FileFormat))})"
-)
 
 
 def draw_run(
@@ -131,7 +128,7 @@ def draw_run(
         if progress is not None:
             progress(len(written), total)
     for path in target.iterdir():
-        if _OURS.fullmatch(path.name) and path not in written:
+        if FIGURE_NAME.fullmatch(path.name) and path not in written:
             path.unlink()
     return written
 

@@ -148,7 +148,9 @@ def _strays(rotor: NDArray[np.int64], pieces: NDArray[np.int64]) -> NDArray[np.b
     rotor_size = np.bincount(rotor[rotor >= 0], minlength=1)
     # The last entry of an empty or short array is harmless: rows with -1 are never used.
     stray: NDArray[np.bool_] = (rotor >= 0) & (piece_size < np.maximum(3, 0.02 * rotor_size[rotor]))
-    return stray
+    # A rotor that is nothing but small pieces keeps them all: it has no larger one to stray from.
+    left = np.bincount(rotor[(rotor >= 0) & ~stray], minlength=rotor_size.size)
+    return stray & (left[rotor] > 0)
 
 
 def _fits(table: pd.DataFrame, use: NDArray[np.bool_], options: CircleOptions) -> list[CircleFit]:

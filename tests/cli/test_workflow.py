@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -183,6 +184,28 @@ def test_the_paper_preset_runs_and_is_recorded(tmp_path):
     method = manifest["options"]["localise"]["method"]
     assert method == {"value": "wlsq", "origin": "preset paper"}
     assert manifest["counts"]["rotors_kept"] >= 6
+
+
+def test_a_new_table_in_an_old_run_folder_leaves_nothing_of_the_old_run(run_folder, tmp_path):
+    folder = tmp_path / "r"
+    shutil.copytree(run_folder, folder)
+    table = SAMPLES / "thunderstorm" / "localisations.csv.gz"
+    assert call("rotors", table, "--frame-interval-s", "0.002", "-o", folder) == 0
+    assert not (folder / "tracks.parquet").exists()
+    assert not (folder / "drift.csv").exists()
+    assert not list((folder / "figures").iterdir())
+
+
+def test_motion_can_be_repeated_with_other_options(run_folder, tmp_path):
+    folder = tmp_path / "r"
+    shutil.copytree(run_folder, folder)
+    for _ in range(2):
+        words = ("--gap-mode", "bridge", "--no-figures")
+        assert call("motion", folder, *words) == 0
+    manifest = json.loads((folder / "run.json").read_text())
+    assert manifest["options"]["motion"]["gap_mode"] == {"value": "bridge", "origin": "flag"}
+    assert len(set(manifest["warnings"])) == len(manifest["warnings"])
+    assert (folder / "drift.csv").is_file()
 
 
 def test_info_shows_metadata_with_origins_and_the_gain(capfd):

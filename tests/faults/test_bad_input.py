@@ -132,6 +132,17 @@ def test_maps_of_another_size(capfd, tmp_path):
     assert "30 x 24" in sentence
 
 
+def test_maps_of_another_size_are_refused_with_a_region_too(capfd, tmp_path):
+    path = write(tmp_path / "movie.tif", spots())
+    large = np.ones((80, 120))
+    np.savez(tmp_path / "c.npz", offset_adu=large, gain_e_per_adu=large, read_noise_e=large)
+    sentence = refused(
+        capfd, 3, "localise", path, *SCALE, "--camera-maps", tmp_path / "c.npz",
+        "--region", 2, 2, 20, 20, "-o", tmp_path / "l.csv", "--quiet",
+    )  # fmt: skip
+    assert "120 x 80" in sentence
+
+
 def test_maps_lie_where_the_configuration_lies(capfd, tmp_path, monkeypatch):
     path = write(tmp_path / "movie.tif", spots())
     folder = tmp_path / "setup"
@@ -216,7 +227,7 @@ def test_saturated_spots_are_counted(capfd, tmp_path):
     path = write(tmp_path / "movie.tif", frames)
     code, shown = call(capfd, "localise", path, *SCALE, *CAMERA, "-o", tmp_path / "l.parquet")
     assert code == 0
-    assert "10 spots with saturated pixels" in shown.out
+    assert "10 saturated" in shown.out
 
 
 def test_motion_wants_a_run_folder(capfd, tmp_path):
@@ -224,9 +235,35 @@ def test_motion_wants_a_run_folder(capfd, tmp_path):
 
 
 def test_a_forged_manifest_is_refused(capfd, tmp_path):
-    for text in ("[]", "{", '{"options": 3}', '{"inputs": 1, "notes": {}, "options": {"a": 5}}'):
+    whole = '{"inputs": [], "notes": [], "warnings": [], "counts": {}, "seconds": {}, "options": '
+    for text in ("[]", "{", '{"options": 3}', whole + "[]}", whole + '{"movie": {"frames": 1}}}'):
         (tmp_path / "run.json").write_text(text)
         refused(capfd, 3, "motion", tmp_path)
+        refused(capfd, 3, "info", tmp_path)
+
+
+def test_drift_never_overwrites_a_drift_table(capfd, tmp_path):
+    table = tmp_path / "l.csv"
+    table.write_text('"frame","x [nm]","y [nm]"\n1,100.0,200.0\n')
+    assert "drift.csv" in refused(capfd, 2, "drift", table, "-o", tmp_path / "drift.csv")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.json").write_text("{}")
+    refused(capfd, 2, "drift", table, "-o", tmp_path / "run" / "l.csv")
+
+
+def test_absurd_frame_numbers(capfd, tmp_path, out):
+    rng = np.random.default_rng(5)
+    angle = rng.uniform(0, 6.28, 300)
+    frame = np.arange(300) * 3_000_000_000
+    rows = [
+        f"{f},{1000 + 90 * np.cos(a):.2f},{1000 + 90 * np.sin(a):.2f}"
+        for f, a in zip(frame, angle, strict=True)
+    ]
+    table = tmp_path / "l.csv"
+    table.write_text("\n".join(['"frame","x [nm]","y [nm]"', *rows]))
+    words = ("rotors", table, "--frame-interval-s", "0.002", "-o", out, "--quiet")
+    assert call(capfd, *words)[0] == 0
+    assert "frame" in refused(capfd, 3, "motion", out, "--quiet")
 
 
 def test_a_table_without_positions(capfd, tmp_path, out):

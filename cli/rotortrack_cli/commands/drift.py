@@ -14,7 +14,7 @@ from rotortrack_cli.stage_option import StageCommand
 @click.command("drift", cls=StageCommand)
 @click.argument("locs", metavar="LOCS", type=FILE)
 @output_option("LOCS", "Table to write; drift.csv is written beside it.")
-@stage_options("movie", "drift")
+@stage_options("movie.pixel_size_nm", "drift")
 @click.pass_obj
 def command(console: Console, locs: Path, output: Path, given: Given) -> None:
     """Estimate the drift that the localisations in LOCS show, and subtract it."""

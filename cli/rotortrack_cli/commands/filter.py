@@ -15,7 +15,7 @@ from rotortrack_cli.stage_option import StageCommand
 @click.command("filter", cls=StageCommand)
 @click.argument("locs", metavar="LOCS", type=FILE)
 @output_option("LOCS", "Table to write.")
-@stage_options("movie", "quality", "density")
+@stage_options("movie.pixel_size_nm", "quality", "density")
 @click.pass_obj
 def command(console: Console, locs: Path, output: Path, given: Given) -> None:
     """Keep the localisations in LOCS that are precise and have neighbours in the whole movie."""

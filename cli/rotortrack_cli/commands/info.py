@@ -53,7 +53,8 @@ def command(console: Console, path: Path, given: Given) -> None:
         ]
         console.table(["", "value", "origin"], rows)
         with console.stage("gain"):
-            estimate = gain_from_movie(movie)
+            saturation = settings["camera"].saturation_adu
+            estimate = gain_from_movie(movie, saturation_adu=saturation)
         given_gain = settings["camera"].gain_e_per_adu
         if given_gain is not None:
             warn_if_contradicted(estimate, given_gain)

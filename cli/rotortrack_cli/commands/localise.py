@@ -26,14 +26,18 @@ def command(console: Console, movie: Path, output: Path, given: Given) -> None:
     from rotortrack.pipeline.localise_run import localise_to_file, opened
 
     with opened(movie, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
-        counts = localise_to_file(source, output, {}, workers=given.workers, progress=stages)
+        counts = localise_to_file(source, output, workers=given.workers, progress=stages)
         frames = source.movie.shape[0]
     seconds = time.perf_counter() - start
     console.text(
-        f"{counts.localisations} localisations in {frames} frames written to {output}\n"
-        f"{counts.candidates} candidates; {counts.left_window} fits left their window, "
-        f"{counts.undetermined} did not settle; {counts.saturated} spots with saturated pixels"
+        f"{counts.localisations} localisations of {counts.candidates} candidates in {frames} "
+        f"frames written to {output}"
     )
+    for flag, count in counts.flags.items():
+        if count:
+            console.text(f"{count} {str(flag.name).lower()}: {flag.sentence}")
+    if counts.masked_pixels:
+        console.text(f"{counts.masked_pixels} pixels without a number were left out")
     console.json(
         {
             "localisations": counts.localisations,

@@ -16,7 +16,7 @@ from rotortrack_cli.stages import Stages
 @click.command("motion", cls=StageCommand)
 @click.argument("run", metavar="RUN", type=FILE)
 @click.option("--no-figures", is_flag=True, help="Write tables alone.")
-@stage_options("movie", "motion")
+@stage_options("movie.frame_interval_s", "movie.exposure_s", "motion")
 @click.pass_obj
 def command(console: Console, run: Path, no_figures: bool, given: Given) -> None:
     """Measure angles, speeds, diffusion and behaviour of the rotors in the run folder RUN."""

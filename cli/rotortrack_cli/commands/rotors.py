@@ -16,7 +16,14 @@ from rotortrack_cli.stages import Stages
 @click.command("rotors", cls=StageCommand)
 @click.argument("locs", metavar="LOCS", type=FILE)
 @output_option("RUN", "The run folder.")
-@stage_options("movie", "cluster", "circle", "screen")
+@stage_options(
+    "movie.pixel_size_nm",
+    "movie.frame_interval_s",
+    "movie.exposure_s",
+    "cluster",
+    "circle",
+    "screen",
+)
 @click.pass_obj
 def command(console: Console, locs: Path, output: Path, given: Given) -> None:
     """Group the localisations in LOCS into rotors, fit circles and screen them.

@@ -44,10 +44,10 @@ def test_a_manifest_gives_the_options_back_with_their_origin():
     record = Record("rotors")
     record.options(settings())
     record.count(frames=7)
-    layers = Record("motion").continue_from(json.loads(record.json()), "run.json")
+    layers = Record("motion").continue_from(json.loads(record.json()))
     again = resolve(SECTIONS, layers)
     assert again.sections == settings().sections
-    assert again.origins["movie.pixel_size_nm"] == "run.json (flag)"
+    assert again.origins["movie.pixel_size_nm"] == "flag"
     assert again.origins["density.radius_nm"] == "default"
 
 

@@ -141,3 +141,18 @@ def test_rows_without_a_position_belong_to_no_rotor(field):
 def test_missing_columns_are_named():
     with pytest.raises(TableError, match="frame, y_nm"):
         find_rotors(pd.DataFrame({"x_nm": [1.0]}))
+
+
+def test_a_rotor_of_nothing_but_scattered_spots_keeps_its_number(field):
+    rings = field(np.random.default_rng(12), [(0.0, 0.0), (3000.0, 0.0)], n=300)
+    chain = pd.DataFrame({"frame": np.arange(40), "x_nm": np.arange(40) * 150.0, "y_nm": 3000.0})
+    found = find_rotors(pd.concat([rings, chain], ignore_index=True))
+    assert found.rotors["n_localisations"].tolist() == [300, 300, 40]
+    assert found.localisations["rotor"].max() == 2
+
+
+def test_single_spots_can_be_rotors():
+    table = pd.DataFrame({"frame": [0, 1], "x_nm": [0.0, 5000.0], "y_nm": [0.0, 0.0]})
+    found = find_rotors(table, ClusterOptions(min_localisations=1))
+    assert found.rotors["n_localisations"].tolist() == [1, 1]
+    assert found.rotors["radius_nm"].isna().all()
