@@ -104,7 +104,9 @@ def fit_candidates(
                     data[i, j] = 0.0
                     keep[i, j] = 0.0
                     masked += 1
-        results[k, :] = np.nan
+                weights[i, j] = keep[i, j]
+        for c in range(results.shape[1]):
+            results[k, c] = np.nan
         if n * n - masked <= PARAMETERS:
             flags[k] = _NOT_FINITE
             continue
@@ -115,8 +117,6 @@ def fit_candidates(
         parameters[SIGMA] = start_sigma
         if method == _WLSQ:
             inverse_value_weights(data, keep, weights)
-        else:
-            weights[:, :] = keep
         # One call for both kinds: every further one is inlined and compiled again.
         likely = method == _MLE
         end = optimise(

@@ -106,19 +106,47 @@ def optimise(
     # One pixel of room beyond the window lets a fit pass through before it is judged.
     _bounds(0.5 * n + 0.5, lower, upper)
 
-    cost = _objective(kind, data, weights, keep, parameters, along_x, along_y, gradient, curvature)
-    if not np.isfinite(cost):
-        return _NOT_FINITE
+    for a in range(PARAMETERS):
+        trial[a] = parameters[a]
+    cost = np.inf
+    predicted = 0.0
+    settled = False
     damping = 1e-3
     growth = 2.0
     end = _ITERATION_LIMIT
+    # The start is the first trial: one call of the objective, so that it is compiled once.
     for _ in range(MAX_ITERATIONS):
-        if not _step(gradient, curvature, damping, parameters, lower, upper, step):
-            if damping > MAX_DAMPING:
-                end = _SINGULAR
-                break
+        trial_cost = _objective(
+            kind, data, weights, keep, trial, along_x, along_y, trial_gradient, trial_curvature
+        )
+        if trial_cost <= cost:
+            if cost < np.inf:
+                # Nielsen's rule: the better the model foretold the gain, the less damping.
+                gain = (cost - trial_cost) / predicted if predicted > 0.0 else 0.5
+                damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-9)
+            growth = 2.0
+            cost = trial_cost
+            for a in range(PARAMETERS):
+                parameters[a] = trial[a]
+                gradient[a] = trial_gradient[a]
+                for b in range(a + 1):
+                    curvature[a, b] = trial_curvature[a, b]
+        elif not np.isfinite(cost):
+            return _NOT_FINITE
+        else:
+            damping *= growth
+            growth *= 2.0
+        # A rejected step this small means that the cost cannot fall further within rounding.
+        if settled or damping > MAX_DAMPING:
+            end = 0
+            break
+        if parameters[PHOTONS] < SMALLEST_PHOTONS:
+            end = _SINGULAR
+            break
+        while not _step(gradient, curvature, damping, parameters, lower, upper, step):
             damping *= 10.0
-            continue
+            if damping > MAX_DAMPING:
+                return _SINGULAR
         settled = True
         predicted = 0.0
         for a in range(PARAMETERS):
@@ -131,28 +159,6 @@ def optimise(
             scale = 1.0 if a in (X, Y) else max(abs(parameters[a]), 1e-3)
             if abs(moved) > STEP_TOLERANCE * scale:
                 settled = False
-        trial_cost = _objective(
-            kind, data, weights, keep, trial, along_x, along_y, trial_gradient, trial_curvature
-        )
-        if trial_cost <= cost:
-            # Nielsen's rule: the better the quadratic model foretold the gain, the less damping.
-            gain = (cost - trial_cost) / predicted if predicted > 0.0 else 0.5
-            damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-9)
-            growth = 2.0
-            cost = trial_cost
-            parameters[:] = trial
-            gradient[:] = trial_gradient
-            curvature[:, :] = trial_curvature
-        else:
-            damping *= growth
-            growth *= 2.0
-        # A rejected step this small means that the cost cannot fall further within rounding.
-        if settled or damping > MAX_DAMPING:
-            end = 0
-            break
-        if parameters[PHOTONS] < SMALLEST_PHOTONS:
-            end = _SINGULAR
-            break
     if parameters[BACKGROUND] == 0.0:
         end |= _AT_BOUND
     return end
