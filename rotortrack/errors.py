@@ -79,6 +79,10 @@ class MetadataWarning(RotortrackWarning):
     """A value is missing from, or contradicts, the movie's metadata."""
 
 
+class NominalCameraWarning(RotortrackWarning):
+    """The camera's values are a maker's, not measured ones."""
+
+
 class GainWarning(RotortrackWarning):
     """The movie's variance-against-mean slope contradicts the given gain."""
 

@@ -7,6 +7,7 @@ never applied: a photon here is a detected photo-electron.
 from __future__ import annotations
 
 import dataclasses
+import warnings
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from rotortrack.cameras.models import MODELS
 from rotortrack.cameras.options import CameraOptions
-from rotortrack.errors import CameraError, ConfigurationError
+from rotortrack.errors import CameraError, ConfigurationError, NominalCameraWarning
 
 Number = float | NDArray[np.floating[Any]]
 """One value for all pixels, or a map of shape (y, x)."""
@@ -191,6 +192,11 @@ def camera_from_options(options: CameraOptions) -> Camera:
         Values that are nowhere given, all at once; an unknown model; maps together with a model.
     CameraError
         The file of maps cannot be read, lacks arrays or holds impossible values.
+
+    Warns
+    -----
+    NominalCameraWarning
+        The values are a maker's.
     """
     given = {name: value for name in _FAULTS if (value := getattr(options, name)) is not None}
     if options.camera_maps is not None and options.camera_model is not None:
@@ -230,6 +236,13 @@ def _model_values(name: str | None) -> dict[str, Any]:
         raise ConfigurationError(
             f"camera_model {name!r} is not known: known are {', '.join(MODELS)}"
         )
+    warnings.warn(
+        f"{model.description}: offset {model.offset_adu:g} ADU, gain {model.gain_e_per_adu:g} "
+        f"electrons per ADU and read noise {model.read_noise_e:g} electrons are not those of your "
+        "camera: measure them, or see what `rotortrack info` finds",
+        NominalCameraWarning,
+        stacklevel=3,
+    )
     return {field: getattr(model, field) for field in _FAULTS}
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rotortrack.cameras.camera import Camera, camera_from_options
 from rotortrack.cameras.models import MODELS
 from rotortrack.cameras.options import CameraOptions
-from rotortrack.errors import CameraError, ConfigurationError
+from rotortrack.errors import CameraError, ConfigurationError, NominalCameraWarning
 
 SHAPE = (6, 9)
 
@@ -150,7 +150,8 @@ def test_every_missing_value_is_named_with_its_flag() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_nominal_model_gives_its_values_and_a_number_overrides_them(name: str) -> None:
-    camera = camera_from_options(CameraOptions(camera_model=name.upper(), offset_adu=123.0))
+    with pytest.warns(NominalCameraWarning, match="measure them"):
+        camera = camera_from_options(CameraOptions(camera_model=name.upper(), offset_adu=123.0))
     model = MODELS[name]
     assert (camera.offset_adu, camera.gain_e_per_adu) == (123.0, model.gain_e_per_adu)
     assert camera.saturation_adu == 2**model.bits - 1
