@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from rotortrack.pipeline.run import Result
 
 ROTORS_SHOWN = 30
+WIDTH = 100
 
 
 def show_run(console: Console, result: Result, seconds: float) -> None:
@@ -36,7 +38,10 @@ def show_run(console: Console, result: Result, seconds: float) -> None:
     if "behaviour" in kept and len(kept):
         found = ", ".join(f"{n} {name}" for name, n in Counter(kept["behaviour"]).most_common())
         lines.append(f"  behaviour       {found}")
-    lines += [f"note              {note}" for note in result.record.content["notes"]]
+    for note in result.record.content["notes"]:
+        lines += textwrap.wrap(
+            note, WIDTH, initial_indent="note              ", subsequent_indent=" " * 18
+        )
     console.text("\n".join(lines))
     if "omega_rad_s" in kept and len(kept):
         console.text("")
