@@ -19,7 +19,31 @@ ROTORS_SHOWN = 30
 WIDTH = 100
 
 
-def show_run(console: Console, result: Result, seconds: float) -> None:
+def conclude(console: Console, result: Result, *, seconds: float, strict: bool) -> None:
+    """Print the summary or the JSON object of a run.
+
+    Raises
+    ------
+    NothingFoundError
+        No rotor was kept, and `strict` asks to be told so by exit code.
+    """
+    kept = int((result.rotors["verdict"] == "kept").sum())
+    _show(console, result, seconds)
+    console.json(
+        {
+            "rotors_found": len(result.rotors),
+            "rotors_kept": kept,
+            "rotors": result.rotors.to_dict("records"),
+            "seconds": round(seconds, 3),
+        }
+    )
+    if strict and not kept:
+        raise NothingFoundError(
+            f"no rotor was kept: see the reasons in {result.folder.path / 'rotors.csv'}"
+        )
+
+
+def _show(console: Console, result: Result, seconds: float) -> None:
     """Print counts, verdicts with reasons, and the table of speeds."""
     counts = result.record.content["counts"]
     rotors = result.rotors
@@ -78,22 +102,3 @@ def _speeds(kept: pd.DataFrame) -> tuple[list[str], list[list[object]]]:
         for row in kept.head(ROTORS_SHOWN).to_dict("records")
     ]
     return header, rows
-
-
-def rotors_as_json(rotors: pd.DataFrame) -> list[dict[str, object]]:
-    """Give the rotors table as plain rows."""
-    return [{str(name): value for name, value in row.items()} for row in rotors.to_dict("records")]
-
-
-def require_rotors(result: Result, *, strict: bool) -> None:
-    """End with exit code 5 when the user asked for that and no rotor was kept.
-
-    Raises
-    ------
-    NothingFoundError
-        No rotor was kept.
-    """
-    if strict and not (result.rotors["verdict"] == "kept").any():
-        raise NothingFoundError(
-            f"no rotor was kept: see the reasons in {result.folder.path / 'rotors.csv'}"
-        )

@@ -24,13 +24,10 @@ def command(console: Console, run: Path, no_figures: bool, given: Given) -> None
     layers = gather(given)
     from rotortrack.pipeline.run import motion_of_run
     from rotortrack_cli.figures import draw
-    from rotortrack_cli.summary import require_rotors, rotors_as_json, show_run
+    from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
         result = motion_of_run(run, layers, progress=stages)
         if not no_figures:
             draw(result, stages)
-    seconds = time.perf_counter() - start
-    show_run(console, result, seconds)
-    console.json({"rotors": rotors_as_json(result.rotors), "seconds": round(seconds, 3)})
-    require_rotors(result, strict=given.strict)
+    conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)

@@ -34,18 +34,8 @@ def command(console: Console, locs: Path, output: Path, given: Given) -> None:
     start = time.perf_counter()
     layers = gather(given)
     from rotortrack.pipeline.run import rotors_from_table
-    from rotortrack_cli.summary import require_rotors, rotors_as_json, show_run
+    from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
         result = rotors_from_table(locs, layers, output, progress=stages)
-    seconds = time.perf_counter() - start
-    show_run(console, result, seconds)
-    console.json(
-        {
-            "rotors_found": len(result.rotors),
-            "rotors_kept": int((result.rotors["verdict"] == "kept").sum()),
-            "rotors": rotors_as_json(result.rotors),
-            "seconds": round(seconds, 3),
-        }
-    )
-    require_rotors(result, strict=given.strict)
+    conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)

@@ -28,20 +28,10 @@ def command(console: Console, movie: Path, output: Path, no_figures: bool, given
     layers = gather(given)
     from rotortrack.pipeline.run import run_movie
     from rotortrack_cli.figures import draw
-    from rotortrack_cli.summary import require_rotors, rotors_as_json, show_run
+    from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
         result = run_movie(movie, layers, output, workers=given.workers, progress=stages)
         if not no_figures:
             draw(result, stages)
-    seconds = time.perf_counter() - start
-    show_run(console, result, seconds)
-    console.json(
-        {
-            "rotors_found": len(result.rotors),
-            "rotors_kept": int((result.rotors["verdict"] == "kept").sum()),
-            "rotors": rotors_as_json(result.rotors),
-            "seconds": round(seconds, 3),
-        }
-    )
-    require_rotors(result, strict=given.strict)
+    conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)
