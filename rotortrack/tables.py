@@ -83,7 +83,7 @@ TRACKS = Schema(
         Column("theta_rad", "float64", "rad", "angle about the circle's centre"),
         Column("theta_sd_rad", "float64", "rad", "its standard deviation"),
         Column("step_rad", "float64", "rad", "step from the adjacent frame before"),
-        Column("cumulative_rad", "float64", "rad", "sum of steps since the first frame"),
+        Column("cumulative_rad", "float64", "rad", "turned since the first frame, gaps bridged"),
         Column("used", "bool", "", "whether the frame enters the estimates"),
     ),
 )
@@ -94,8 +94,8 @@ ROTORS = Schema(
         Column("rotor", "int64", "", "rotor number, from 0", required=True),
         Column("x_nm", "float64", "nm", "centre of the circle", required=True),
         Column("y_nm", "float64", "nm", "centre of the circle", required=True),
-        Column("radius_nm", "float64", "nm", "radius of the circle"),
-        Column("radius_sd_nm", "float64", "nm", "its standard deviation"),
+        Column("radius_nm", "float64", "nm", "radius, corrected for motion blur by `motion`"),
+        Column("radius_sd_nm", "float64", "nm", "its standard deviation from localisation noise"),
         Column("arc_deg", "float64", "deg", "360 minus the largest gap between angles"),
         Column("n_localisations", "int64", "", "frames with a localisation"),
         Column("verdict", "str", "", "kept or refused"),
@@ -117,6 +117,7 @@ ROTORS = Schema(
         Column("residual_sd_nm", "float64", "nm", "rms distance of the spots from the circle"),
         Column("localisation_sd_nm", "float64", "nm", "median localisation uncertainty"),
         Column("circle", "str", "", "how the circle fit ended, fitted or why there is none"),
+        Column("radius_fit_nm", "float64", "nm", "radius of the circle through the positions"),
         Column("n_steps", "int64", "", "steps between adjacent frames"),
         Column("step_sd_rad", "float64", "rad", "standard deviation of those steps"),
     ),
@@ -138,8 +139,10 @@ DECISIONS = Schema(
         Column("rotor", "int64", "", "rotor number", required=True),
         Column("feature", "str", "", "what was looked at", required=True),
         Column("value", "float64", "", "its value", required=True),
+        Column("rule", "str", "", ">= or <=", required=True),
         Column("threshold", "float64", "", "the limit that it was held against", required=True),
         Column("passed", "bool", "", "whether it kept the limit", required=True),
+        Column("reason", "str", "", "why it is refused where it did not", required=True),
     ),
 )
 

@@ -27,6 +27,9 @@ class DriftOptions(Options):
     bins: int = option(10, "time bins with equal numbers of localisations", ge=2)
     magnification: float = option(5.0, "rendered pixels per camera pixel", gt=0)
     smoothing: float = option(0.25, "part of the bins in each LOESS window", gt=0, le=1)
+    min_significance: float = option(
+        2.0, "a drift is subtracted when it is this many times its own error (0: always)", ge=0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

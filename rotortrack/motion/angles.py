@@ -49,6 +49,40 @@ def step(theta_rad: Floats, next_theta_rad: Floats) -> Floats:
     return np.where(forward <= np.pi, forward, forward - TURN_RAD)
 
 
+def consecutive_steps(theta_rad: Floats, frame: NDArray[np.int64], gap_mode: GapMode) -> Floats:
+    """Give the steps between all consecutive rows of one rotor, across gaps too.
+
+    Adjacent frames follow the 180-degree rule. Across a gap of n frames "bridge" follows it too,
+    as if the frames were adjacent, and misses turns; "drop" takes the step that lies nearest to n
+    times the mean step between adjacent frames.
+
+    Parameters
+    ----------
+    theta_rad, frame
+        Angles (rad) and frames, ascending, shape (n,).
+    gap_mode
+        How gaps are crossed.
+
+    Returns
+    -------
+    ndarray, shape (n - 1,)
+        Steps, rad.
+    """
+    steps = step(theta_rad[:-1], theta_rad[1:])
+    apart = np.diff(frame)
+    adjacent = apart == 1
+    if gap_mode == "bridge" or not adjacent.any():
+        return steps
+    expected = np.angle(np.exp(1j * steps[adjacent]).mean()) * apart
+    nearest = expected + np.angle(np.exp(1j * (steps - expected)))
+    return np.where(adjacent, steps, nearest)
+
+
+def fitted_radius(rotors: pd.DataFrame) -> pd.Series[float]:
+    """Radius of the circle through the positions, before any correction for blur, nm."""
+    return rotors["radius_fit_nm" if "radius_fit_nm" in rotors else "radius_nm"]
+
+
 def angle_sd(
     theta_rad: Floats, x_sd_nm: Floats, y_sd_nm: Floats, uncertainty_nm: Floats, radius_nm: Floats
 ) -> Floats:
@@ -88,8 +122,7 @@ def build_tracks(
     -------
     DataFrame
         Columns of `tables.TRACKS`, sorted by rotor and frame. `cumulative_rad` is the running
-        sum of bridged steps in either mode, so that it can be drawn without breaks: across a gap
-        it assumes less than half a turn.
+        sum of :func:`consecutive_steps`, so that it can be drawn without breaks.
 
     Raises
     ------
@@ -100,7 +133,8 @@ def build_tracks(
     if "rotor" not in localisations.columns:
         raise TableError("the localisations lack the column rotor: cluster them first")
     rows = _usable(localisations)
-    circles = rotors.set_index("rotor")[["x_nm", "y_nm", "radius_nm"]]
+    circles = rotors.set_index("rotor")[["x_nm", "y_nm"]]
+    circles["radius_nm"] = fitted_radius(rotors).to_numpy()
     circles = circles[circles["radius_nm"].notna()]
     rows = rows[rows["rotor"].isin(circles.index)].sort_values(["rotor", "frame"])
     rotor = rows["rotor"].to_numpy("int64")
@@ -130,7 +164,8 @@ def build_tracks(
         radius,
     )
     bridged = np.full(rotor.size, np.nan)
-    bridged[1:] = np.where(same_rotor, step(theta[:-1], theta[1:]), np.nan)
+    for part in np.split(np.arange(rotor.size), np.flatnonzero(~same_rotor) + 1):
+        bridged[part[1:]] = consecutive_steps(theta[part], frame[part], gap_mode)
     steps = bridged.copy()
     if gap_mode == "drop":
         steps[1:][frames_apart != 1] = np.nan

@@ -14,6 +14,9 @@ from rotortrack.motion.speed import Speed
 
 Behaviour = Literal["driven_ccw", "driven_cw", "brownian", "stuck", "unclassified"]
 
+TOGGLING = 3.0
+"""Pole strength above which a rotor is not called Brownian."""
+
 _TWO_SIDED_95 = float(stats.norm.isf(0.025))
 
 
@@ -23,6 +26,8 @@ def classify(
     steps: StepSizes,
     duration_s: float,
     options: MotionOptions,
+    *,
+    pole_strength: float = 0.0,
 ) -> Behaviour:
     """Name the behaviour of one rotor, `unclassified` rather than wrong.
 
@@ -32,8 +37,9 @@ def classify(
     - stuck: neither the speed nor diffusion at the upper end of its 95 % interval turns it so far.
     - brownian: not driven, and diffusion at the lower end of its interval does.
     - unclassified: too few steps, D too uncertain to tell, a speed that wanders more than
-      diffusion explains, or steps so wide (`StepSizes.folded`) that noise alone may make them:
-      the angles of a stuck spot within the circle fitted to it are random in every frame.
+      diffusion explains, two opposite poses visited more than diffusion does, or steps so wide
+      (`StepSizes.folded`) that noise alone may make them: the angles of a stuck spot within the
+      circle fitted to it are random in every frame.
 
     Parameters
     ----------
@@ -43,6 +49,9 @@ def classify(
         Time from its first to its last frame, s.
     options
         Thresholds.
+    pole_strength
+        ``|mean exp(2 i theta)| sqrt(2 D T)``: of order 1 for a Brownian rotor (95th percentile
+        1.4), above 4 for one that toggles between opposite poses.
     """
     measured = steps.n_steps >= options.min_steps and np.isfinite(speed.omega_sd_rad_s)
     if not measured or steps.folded:
@@ -58,6 +67,6 @@ def classify(
     )
     if high <= least_turn:
         return "stuck"
-    if low > least_turn and speed.excess == 1.0:
+    if low > least_turn and speed.excess == 1.0 and pole_strength <= TOGGLING:
         return "brownian"
     return "unclassified"

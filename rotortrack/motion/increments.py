@@ -14,6 +14,7 @@ Integers = NDArray[np.int64]
 
 WIDE_STEP_RAD = np.deg2rad(55.0)
 LONG_STEP_RAD = np.deg2rad(90.0)
+FOLDED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -48,16 +49,21 @@ class StepSizes:
         Mean and standard deviation (n - 1), rad; nan with too few steps.
     n_steps
         Number of steps.
+    folded_gaps
+        Whether such steps, grown over the gaps that are bridged, outgrow the 180-degree rule in
+        more than 5 % of all steps.
     """
 
     mean_rad: float
     sd_rad: float
     n_steps: int
+    folded_gaps: bool = False
 
     @property
     def folded(self) -> bool:
-        """Whether the 180-degree rule visibly shortens such steps (by 5 % and more)."""
-        return bool(self.sd_rad > WIDE_STEP_RAD or abs(self.mean_rad) > LONG_STEP_RAD)
+        """Whether the 180-degree rule visibly shortens steps (by 5 % and more)."""
+        wide = self.sd_rad > WIDE_STEP_RAD or abs(self.mean_rad) > LONG_STEP_RAD
+        return bool(wide or self.folded_gaps)
 
 
 def increments(frame: Integers, theta_rad: Floats, gap_mode: GapMode) -> Increments:
@@ -85,8 +91,13 @@ def increments(frame: Integers, theta_rad: Floats, gap_mode: GapMode) -> Increme
 def step_sizes(moves: Increments) -> StepSizes:
     """Fit a normal distribution to the steps between adjacent frames."""
     adjacent = moves.step_rad[moves.frames_apart == 1]
+    mean = float(adjacent.mean()) if adjacent.size else np.nan
+    sd = float(adjacent.std(ddof=1)) if adjacent.size > 1 else np.nan
+    apart = moves.frames_apart
+    outgrown = (abs(mean) * apart > LONG_STEP_RAD) | (sd * np.sqrt(apart) > WIDE_STEP_RAD)
     return StepSizes(
-        mean_rad=float(adjacent.mean()) if adjacent.size else np.nan,
-        sd_rad=float(adjacent.std(ddof=1)) if adjacent.size > 1 else np.nan,
+        mean_rad=mean,
+        sd_rad=sd,
         n_steps=adjacent.size,
+        folded_gaps=bool(len(moves) and np.mean(outgrown & (apart > 1)) > FOLDED_SHARE),
     )

@@ -10,8 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
-from rotortrack.motion.angles import step
+from rotortrack.motion.angles import GapMode, consecutive_steps, fitted_radius
 from rotortrack.motion.behaviour import Behaviour, classify
+from rotortrack.motion.blur import radius_factor
 from rotortrack.motion.diffusion import UNKNOWN, Diffusion, estimate_diffusion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
@@ -77,6 +78,8 @@ def measure_motion(
     exposure_s: float | None,
 ) -> pd.DataFrame:
     """Return the rotors table with speed, diffusion, MSD fit, steps and behaviour filled in.
+
+    The radius is corrected for motion during the exposure; `radius_fit_nm` keeps the fitted one.
 
     Parameters
     ----------
@@ -145,13 +148,20 @@ def measure_motion(
             f"{len(folded)} rotor(s) take steps wider than the 180-degree rule can tell apart "
             f"(standard deviation over 55 or mean over 90 degrees), so their speeds are too low "
             f"and their behaviour stays unclassified: {names}{more}; use a shorter "
-            "frame interval or more photons",
+            "frame interval or more photons, and do not bridge gaps",
             AngleWarning,
             stacklevel=2,
         )
-    rows = [found.get(number, NOT_MEASURED).row() for number in rotors["rotor"]]
+    measured = [found.get(number, NOT_MEASURED) for number in rotors["rotor"]]
+    rows = [motion.row() for motion in measured]
     motion = pd.DataFrame(rows, columns=list(NOT_MEASURED.row()), index=rotors.index)
     others = rotors.drop(columns=motion.columns, errors="ignore")
+    fitted = fitted_radius(rotors)
+    factors = [
+        radius_factor(one.speed.omega_rad_s, one.diffusion.diffusion_rad2_s, exposure_s)
+        for one in measured
+    ]
+    others = others.assign(radius_fit_nm=fitted, radius_nm=fitted / np.array(factors))
     return conform(pd.concat([others, motion], axis=1), ROTORS, "rotors")
 
 
@@ -184,22 +194,35 @@ def measure_rotor(
     steps = step_sizes(moves)
     span = int(frame[-1] - frame[0])
     lags = options.msd_lags or max(span // 4, 2)
-    curve = msd(unbroken_angle(frame, theta_rad), lags)
+    curve = msd(unbroken_angle(frame, theta_rad, options.gap_mode), lags)
+    duration_s = span * frame_interval_s
+    # Time averages of exp(2 i theta) scatter by 1 / sqrt(2 D T) for a rotor that only diffuses.
+    spread = np.sqrt(2.0 * max(diffusion.diffusion_rad2_s, 0.0) * duration_s)
+    poles = float(abs(np.exp(2j * theta_rad).mean()) * spread)
     return Motion(
         speed=speed,
         diffusion=diffusion,
         steps=steps,
         msd_fit=fit_msd(curve, frame_interval_s, lags=lags, noise=options.msd_noise),
-        behaviour=classify(speed, diffusion, steps, span * frame_interval_s, options),
+        behaviour=classify(
+            speed,
+            diffusion,
+            steps,
+            duration_s,
+            options,
+            pole_strength=0.0 if np.isnan(poles) else poles,
+        ),
     )
 
 
-def unbroken_angle(frame: NDArray[np.int64], theta_rad: Floats) -> Floats:
+def unbroken_angle(
+    frame: NDArray[np.int64], theta_rad: Floats, gap_mode: GapMode = "drop"
+) -> Floats:
     """Cumulative angle in every frame from the first to the last, nan where there is none.
 
-    Steps across gaps follow the 180-degree rule too, as in the published analysis.
+    Gaps are crossed as in `angles.consecutive_steps`.
     """
     cumulative = np.full(int(frame[-1] - frame[0]) + 1, np.nan)
-    turned = np.cumsum(step(theta_rad[:-1], theta_rad[1:]))
+    turned = np.cumsum(consecutive_steps(theta_rad, frame, gap_mode))
     cumulative[frame - frame[0]] = np.concatenate(([0.0], turned))
     return cumulative

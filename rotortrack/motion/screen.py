@@ -58,6 +58,13 @@ _SENTENCES = {
 }
 
 
+MARGIN_IN_WIDTHS = 5.0
+"""At six widths between centres a neighbour moves a centre by under 1 nm and D by under 3 %."""
+
+TYPICAL_WIDTH_NM = 130.0
+"""Width of a spot for tables that do not tell it."""
+
+
 @dataclass(frozen=True)
 class Screening:
     """Outcome of the screening.
@@ -78,6 +85,7 @@ def screen(
     options: ScreenOptions | None = None,
     *,
     n_frames: int,
+    drift_sd_nm: float = 0.0,
 ) -> Screening:
     """Keep the rotors that visit enough of one circle, alone, in enough frames.
 
@@ -91,6 +99,8 @@ def screen(
         Thresholds; default: ScreenOptions().
     n_frames
         Frames of the movie.
+    drift_sd_nm
+        Error of the drift correction per axis, nm; it widens what noise alone explains.
 
     Raises
     ------
@@ -111,16 +121,18 @@ def screen(
             raise TableError(f"the {name} lack the column(s) {', '.join(missing)}")
     members = localisations.groupby("rotor").indices
     none = np.empty(0, dtype=np.int64)
-    gaps = _gaps_to_neighbours(rotors, thresholds)
+    margin = _neighbour_margin_nm(localisations, thresholds)
+    gaps = _gaps_to_neighbours(rotors, margin, thresholds.neighbour_share)
     decisions = [
         (rotor["rotor"], *test)
         for rotor, gap in zip(rotors.to_dict("records"), gaps, strict=True)
         for test in _tests(
             localisations.iloc[members.get(rotor["rotor"], none)],
             rotor,
-            gap,
+            (gap, margin),
             thresholds,
             n_frames,
+            drift_sd_nm,
         )
     ]
     table = pd.DataFrame(
@@ -166,9 +178,10 @@ def position_spread_nm(x_nm: NDArray[np.float64], y_nm: NDArray[np.float64]) -> 
 def _tests(
     spots: pd.DataFrame,
     rotor: dict[Hashable, Any],
-    gap_nm: float,
+    gap_and_margin_nm: tuple[float, float],
     limits: ScreenOptions,
     n_frames: int,
+    drift_sd_nm: float,
 ) -> Iterator[tuple[str, float, str, float, bool, str]]:
     """Feature, value, rule, threshold, passed and reason code of every test of one rotor."""
     repeated = is_duplicate(spots)
@@ -187,7 +200,8 @@ def _tests(
     yield _at_most("intensity_step", step, limits.max_intensity_step, Reason.SEVERAL_ROTORS)
     residual = rotor.get("residual_sd_nm", math.nan)
     noise = rotor.get("localisation_sd_nm", math.nan)
-    noise = residual if math.isnan(noise) else noise
+    # The residual knows of the drift's error already.
+    noise = residual if math.isnan(noise) else math.hypot(noise, drift_sd_nm)
     spread, elongation = position_spread_nm(x, y)
     yield _at_least("spread", spread / noise, limits.min_spread, Reason.IMMOBILE)
     too_short = rotor.get("circle") == CircleEnd.ARC_TOO_SHORT.value
@@ -204,8 +218,7 @@ def _tests(
     error = math.inf if no_circle else rotor.get("radius_sd_nm", math.nan) / radius
     yield _at_most("radius_error", error, limits.max_radius_error, Reason.NO_CIRCLE)
     yield _at_most("residual", residual / noise, limits.max_residual, Reason.NO_CIRCLE)
-    margin = limits.neighbour_margin_nm
-    yield _at_least("neighbour_gap_nm", gap_nm, margin, Reason.NEIGHBOURS_TOO_CLOSE)
+    yield _at_least("neighbour_gap_nm", *gap_and_margin_nm, Reason.NEIGHBOURS_TOO_CLOSE)
 
 
 def _at_least(
@@ -220,7 +233,19 @@ def _at_most(
     return feature, value, "<=", threshold, not value > threshold, reason.value
 
 
-def _gaps_to_neighbours(rotors: pd.DataFrame, limits: ScreenOptions) -> NDArray[np.float64]:
+def _neighbour_margin_nm(localisations: pd.DataFrame, limits: ScreenOptions) -> float:
+    """Gap below which the light of a neighbour shifts a fit."""
+    if limits.neighbour_margin_nm is not None:
+        return limits.neighbour_margin_nm
+    width = math.nan
+    if "sigma_nm" in localisations:
+        width = float(localisations["sigma_nm"].median())
+    return MARGIN_IN_WIDTHS * (TYPICAL_WIDTH_NM if math.isnan(width) else width)
+
+
+def _gaps_to_neighbours(
+    rotors: pd.DataFrame, margin_nm: float, share: float
+) -> NDArray[np.float64]:
     """Gap between each rotor's circle and the nearest other one, nm; inf when none is near.
 
     Neighbours without a circle are points; those with few localisations are specks of background.
@@ -231,10 +256,10 @@ def _gaps_to_neighbours(rotors: pd.DataFrame, limits: ScreenOptions) -> NDArray[
     centres = rotors[["x_nm", "y_nm"]].to_numpy(dtype=np.float64)
     radius = rotors["radius_nm"].fillna(0.0).to_numpy(dtype=np.float64)
     size = rotors["n_localisations"].to_numpy(dtype=np.float64)
-    reach = 2.0 * float(radius.max()) + limits.neighbour_margin_nm
+    reach = 2.0 * float(radius.max()) + margin_nm
     for a, others in enumerate(KDTree(centres).query_ball_point(centres, reach)):
         near = np.array(others)
-        near = near[(near != a) & (size[near] >= limits.neighbour_share * size[a])]
+        near = near[(near != a) & (size[near] >= share * size[a])]
         if near.size:
             away = np.hypot(*(centres[near] - centres[a]).T) - radius[near] - radius[a]
             gaps[a] = away.min()

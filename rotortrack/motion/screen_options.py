@@ -35,8 +35,10 @@ class ScreenOptions(Options):
         4.0, "scatter about the circle over the localisation uncertainty", gt=0
     )
     max_radius_error: float = option(0.2, "standard deviation of the radius over the radius", gt=0)
-    neighbour_margin_nm: float = option(
-        300.0, "gap that must lie between the circles of two rotors, nm", ge=0
+    neighbour_margin_nm: float | None = option(
+        None,
+        "gap that must lie between the circles of two rotors, nm (absent: five widths of a spot)",
+        ge=0,
     )
     neighbour_share: float = option(
         0.1, "a neighbour counts when it has this part of the rotor's localisations", ge=0

@@ -121,7 +121,11 @@ def run_movie(
         with record.timed("rotors"):
             progress("rotors", 0, 0)
             found = stages.find(
-                corrected.localisations, corrected.trusted, settings, n_frames=movie.shape[0]
+                corrected.localisations,
+                corrected.trusted,
+                settings,
+                n_frames=movie.shape[0],
+                drift_sd_nm=corrected.drift_sd_nm,
             )
         _record_found(record, found)
         with record.timed("motion"):

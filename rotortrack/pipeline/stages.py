@@ -38,6 +38,12 @@ class Corrected:
     precise: int
     dense: int
 
+    @property
+    def drift_sd_nm(self) -> float:
+        """Error per axis that the correction added; 0 where nothing was subtracted."""
+        known = self.drift.table["sd_nm"].dropna()
+        return float(np.sqrt((known**2).mean())) if self.drift.estimated and len(known) else 0.0
+
 
 @dataclass(frozen=True)
 class Found:
@@ -78,13 +84,20 @@ def find(
     settings: Settings,
     *,
     n_frames: int,
+    drift_sd_nm: float = 0.0,
 ) -> Found:
     """Group trusted spots into rotors, fit a circle to each, refuse what is not one good rotor.
 
     All rows come back; those that are not trusted belong to no rotor.
     """
     found = find_rotors(localisations[trusted], settings["cluster"], settings["circle"])
-    screening = screen(found.localisations, found.rotors, settings["screen"], n_frames=n_frames)
+    screening = screen(
+        found.localisations,
+        found.rotors,
+        settings["screen"],
+        n_frames=n_frames,
+        drift_sd_nm=drift_sd_nm,
+    )
     everything = localisations.assign(rotor=np.int64(-1))
     for column in ("rotor", "fit_flags"):
         values = np.zeros(len(everything), np.int64)

@@ -204,6 +204,7 @@ def _rotor_table(used: pd.DataFrame, fits: list[CircleFit]) -> pd.DataFrame:
             "x_nm": [fit.x_nm for fit in fits],
             "y_nm": [fit.y_nm for fit in fits],
             "radius_nm": [fit.radius_nm for fit in fits],
+            "radius_fit_nm": [fit.radius_nm for fit in fits],
             "radius_sd_nm": [fit.radius_sd_nm for fit in fits],
             "arc_deg": [fit.arc_deg for fit in fits],
             "n_localisations": counts,

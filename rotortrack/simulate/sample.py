@@ -19,7 +19,7 @@ from rotortrack.tables import Column, Schema
 SAMPLE_SEED = 2024
 
 SAMPLE_CAMERA = Camera(offset_adu=100.0, gain_e_per_adu=1.5, read_noise_e=1.4)
-"""Noise does not compress: at 1.5 electrons a count 1600 frames take 6.0 MB, at 0.4545 more than 8."""
+"""Noise does not compress: at 1.5 electrons a count 1600 frames take 6 MB, at 0.4545 over 8."""
 
 TRUTH_SPOTS = Schema(
     "truth_spots",

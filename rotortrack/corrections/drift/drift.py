@@ -26,7 +26,7 @@ class Drift:
     method
         How it was estimated.
     estimated
-        False when the table holds zeros because nothing was, or could be, estimated.
+        False when the table holds zeros because nothing was, or could be, estimated well enough.
     bin_frames
         Shape (bins,), centres of the time bins.
     bin_dx_nm, bin_dy_nm

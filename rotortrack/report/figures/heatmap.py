@@ -165,7 +165,10 @@ def _draw_colour_bar(axes: Axes, image: AxesImage, label: str) -> None:
 def _draw_circle(axes: Axes, rotor: Row) -> None:
     """Draw the fitted circle and its centre, each if it comes into view."""
     xc, yc = words.number(rotor, "x_nm"), words.number(rotor, "y_nm")
-    radius = words.number(rotor, "radius_nm")
+    # The circle that the positions lie on; the table's radius is corrected for motion blur.
+    radius = words.number(rotor, "radius_fit_nm")
+    if not math.isfinite(radius):
+        radius = words.number(rotor, "radius_nm")
     if not (math.isfinite(xc) and math.isfinite(yc)):
         return
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()

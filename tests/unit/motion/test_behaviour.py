@@ -29,6 +29,15 @@ def test_a_speed_below_the_threshold_is_not():
     assert name(omega=3.4, driven_z=3.0) == "driven_ccw"
 
 
+def test_opposite_poles_beyond_diffusion_are_not_brownian():
+    stats = (Speed(0.0, 1.0, 1e4, 1.0), Diffusion(5.0, 0.2, 0.01, np.zeros((2, 2))))
+    for strength, expected in ((1.4, "brownian"), (4.4, "unclassified")):
+        found = classify(
+            *stats, StepSizes(0.0, 0.3, 5000), 10.0, MotionOptions(), pole_strength=strength
+        )
+        assert found == expected
+
+
 def test_a_significant_creep_of_a_few_degrees_is_not_driven():
     # 0.03 rad/s turn it by 17 degrees in 10 s: that is stage drift, not a motor.
     assert name(omega=0.03, omega_sd=0.001, d=0.0, d_sd=1e-4) == "stuck"

@@ -62,7 +62,40 @@ def test_every_motion_column_is_filled_consistently(driven_and_stuck):
     assert row["msd_lag_max_s"] == pytest.approx(999 * FRAME_S)
     assert row["n_steps"] == 3999
     assert row["step_sd_rad"] == pytest.approx(np.sqrt(4 * FRAME_S * 2 / 3 + 0.02), rel=0.05)
-    assert row["radius_nm"] == 30.0
+    assert row["radius_fit_nm"] == 30.0
+    # About 1 - D t / 6 - (omega t)^2 / 24 of the true radius is seen.
+    assert row["radius_nm"] == pytest.approx(30.0 / (1 - 0.002 * 2 / 6 - 0.04**2 / 24), rel=2e-4)
+
+
+def test_measuring_twice_corrects_the_radius_once(driven_and_stuck):
+    once = measure(driven_and_stuck, rotors_table(9, 4, 7))
+    pd.testing.assert_frame_equal(measure(driven_and_stuck, once), once)
+
+
+def test_msd_crosses_gaps_as_fast_as_the_rotor_turns(turning):
+    # 600 rad/s and every third frame missing: a gap hides 2.4 rad, more than the rule can tell.
+    rng = np.random.default_rng(10)
+    track = tracks_table((1, *turning(rng, 4000, omega=600.0, diffusion=5.0, missing=0.35)))
+    row = measure(track, rotors_table(1)).iloc[0]
+    assert row["omega_rad_s"] == pytest.approx(600.0, abs=4 * row["omega_sd_rad_s"])
+    assert row["msd_speed_deg_s"] == pytest.approx(np.rad2deg(600.0), rel=0.01)
+
+
+def test_bridging_gaps_that_hide_turns_is_warned_about_and_unclassified(turning):
+    rng = np.random.default_rng(11)
+    track = tracks_table((1, *turning(rng, 4000, omega=600.0, diffusion=5.0, missing=0.35)))
+    with pytest.warns(AngleWarning, match="do not bridge gaps"):
+        found = measure(track, rotors_table(1), gap_mode="bridge")
+    assert found["behaviour"].tolist() == ["unclassified"]
+
+
+def test_a_toggling_rotor_is_not_called_brownian():
+    rng = np.random.default_rng(12)
+    for _ in range(10):
+        pose = np.pi * (np.cumsum(rng.random(2000) < 0.01) % 2)
+        theta = np.angle(np.exp(1j * (pose + rng.normal(0.0, 0.15, 2000))))
+        found = measure(tracks_table((1, np.arange(2000), theta)), rotors_table(1))
+        assert found["behaviour"].tolist() == ["unclassified"]
 
 
 def test_columns_and_types_are_those_of_the_schema(driven_and_stuck):

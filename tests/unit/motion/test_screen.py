@@ -126,7 +126,7 @@ def test_two_spots_in_many_frames_are_several_rotors():
     assert list(outcome.rotors["reason"]) == ["several_rotors"]
 
 
-@pytest.mark.parametrize(("gap", "reason"), [(250.0, "neighbours_too_close"), (400.0, "")])
+@pytest.mark.parametrize(("gap", "reason"), [(600.0, "neighbours_too_close"), (700.0, "")])
 def test_neighbours_are_too_close_by_the_gap_between_their_circles(gap, reason):
     rng = np.random.default_rng(4)
     tables = [rotor(rng, "driven", radius=100.0, noise=10.0) for _ in range(2)]

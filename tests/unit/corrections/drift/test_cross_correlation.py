@@ -9,6 +9,7 @@ from rotortrack.corrections.drift.drift import apply_drift
 from rotortrack.corrections.options import DriftOptions
 from rotortrack.errors import ConfigurationError, DriftWarning, TableError
 
+ALWAYS = DriftOptions(min_significance=0.0)
 PIXEL_NM = 108.3
 
 
@@ -67,10 +68,23 @@ def test_drift_under_turning_rotors_is_found_within_its_own_error():
 def test_table_without_drift_is_altered_by_no_more_than_the_error_given():
     for seed in range(4):
         table = rotors(np.random.default_rng(seed))
-        drift = estimate_drift(table, DriftOptions(), pixel_size_nm=PIXEL_NM)
+        drift = estimate_drift(table, ALWAYS, pixel_size_nm=PIXEL_NM)
         change = drift.table[["dx_nm", "dy_nm"]].to_numpy()
         assert rms(change) < 2 * rms(drift.table["sd_nm"])
         assert rms(change) < 5.0
+
+
+def test_what_is_not_clear_of_its_error_is_not_subtracted():
+    # Nine slow rotors and no drift: each sits on its own part of its circle in each bin.
+    table = rotors(np.random.default_rng(4), n=9, rate=2.0, diffusion=0.1)
+    with pytest.warns(DriftWarning, match="nothing is subtracted"):
+        drift = estimate_drift(table, DriftOptions(), pixel_size_nm=PIXEL_NM)
+    assert not drift.estimated
+    pd.testing.assert_frame_equal(apply_drift(table, drift), table)
+    assert rms(drift.table["sd_nm"]) > 5.0
+    forced = estimate_drift(table, ALWAYS, pixel_size_nm=PIXEL_NM)
+    assert forced.estimated
+    assert rms(forced.table[["dx_nm", "dy_nm"]]) > 5.0
 
 
 def test_rotation_is_not_absorbed():
@@ -88,8 +102,7 @@ def test_common_slow_rotation_shows_in_the_error():
     slow = rotors(np.random.default_rng(4), n=9, rate=2.0, diffusion=0.1)
     fast = rotors(np.random.default_rng(4), n=9)
     sd = [
-        rms(estimate_drift(t, DriftOptions(), pixel_size_nm=PIXEL_NM).table["sd_nm"])
-        for t in (slow, fast)
+        rms(estimate_drift(t, ALWAYS, pixel_size_nm=PIXEL_NM).table["sd_nm"]) for t in (slow, fast)
     ]
     assert sd[0] > 3 * sd[1]
 
@@ -161,7 +174,9 @@ def test_fewer_bins_than_asked_for_are_named():
     # 320 rows: six bins of at least 50, each of them four whole frames of 16 rows, make five.
     table = rotors(np.random.default_rng(11), n=16, frames=20)
     with pytest.warns(DriftWarning, match="time bins asked for: drift is estimated from 5 bins"):
-        drift = estimate_drift(table, DriftOptions(smoothing=1.0), pixel_size_nm=PIXEL_NM)
+        drift = estimate_drift(
+            table, DriftOptions(smoothing=1.0, min_significance=0.0), pixel_size_nm=PIXEL_NM
+        )
     assert drift.bin_frames.size == 5
     assert drift.bin_localisations.tolist() == [64] * 5
 
