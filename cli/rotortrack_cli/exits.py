@@ -1,4 +1,4 @@
-"""The exit codes of the command line, each with the sentence of the documentation."""
+"""The exit codes of the command line; the README says what each tells."""
 
 from __future__ import annotations
 
@@ -18,22 +18,3 @@ class Exit(IntEnum):
     INTERRUPTED = 130
     READER_GONE = 141
     TERMINATED = 143
-
-    @property
-    def sentence(self) -> str:
-        """What the code tells the caller."""
-        return _SENTENCES[self]
-
-
-_SENTENCES = {
-    Exit.DONE: "The work is done.",
-    Exit.BUG: "A bug in rotortrack stopped the work; please report it.",
-    Exit.USAGE: "The command, a flag or its value is not known: see --help.",
-    Exit.INPUT: "An input file cannot be used.",
-    Exit.CONFIGURATION: "One or more options are wrong or missing.",
-    Exit.NOTHING_FOUND: "Nothing was found, and --strict asked to be told.",
-    Exit.RESOURCES: "Disk, memory or permission did not allow the work to go on.",
-    Exit.INTERRUPTED: "Stopped by the user (SIGINT).",
-    Exit.READER_GONE: "The program that read the output closed it early (SIGPIPE).",
-    Exit.TERMINATED: "Stopped by the system (SIGTERM).",
-}

@@ -158,7 +158,10 @@ def measure_motion(
     others = rotors.drop(columns=motion.columns, errors="ignore")
     fitted = fitted_radius(rotors)
     factors = [
-        radius_factor(one.speed.omega_rad_s, one.diffusion.diffusion_rad2_s, exposure_s)
+        # Where the motion is not understood, neither is its blur.
+        1.0
+        if one.behaviour == "unclassified"
+        else radius_factor(one.speed.omega_rad_s, one.diffusion.diffusion_rad2_s, exposure_s)
         for one in measured
     ]
     others = others.assign(radius_fit_nm=fitted, radius_nm=fitted / np.array(factors))

@@ -59,7 +59,7 @@ _SENTENCES = {
 
 
 MARGIN_IN_WIDTHS = 5.0
-"""At six widths between centres a neighbour moves a centre by under 1 nm and D by under 3 %."""
+"""On films of two rotors a gap of 500 nm still moved centres by 2 nm, one of 600 nm by 0.6 nm."""
 
 TYPICAL_WIDTH_NM = 130.0
 """Width of a spot for tables that do not tell it."""

@@ -49,7 +49,8 @@ def correct_drift(path: Path, target: Path, layers: list[Layer]) -> tuple[Drift,
     beside = target.with_name("drift.csv")
     if target == beside or (target.parent / "run.json").is_file():
         raise UsageError(
-            f"{target} would take the place of a drift table: choose another name or folder with -o"
+            f"{beside} is where the drift itself is written, and must not replace {target.name} or "
+            "the drift of a run: choose another name or folder with -o"
         )
     settings, info = settings_for_table(path, layers)
     table = read_for(settings, path)

@@ -215,10 +215,6 @@ def test_our_warnings_are_shown_once_in_one_line_and_others_never(
         ]
 
 
-def test_every_code_has_a_sentence() -> None:
-    assert all(code.sentence.endswith(".") for code in Exit)
-
-
 def test_the_filters_of_the_calling_process_are_left_alone(throwaway: Any, call: Any) -> None:
     throwaway(click.Command("try", callback=lambda: None))
     before = list(warnings.filters), warnings.showwarning, signal.getsignal(signal.SIGTERM)

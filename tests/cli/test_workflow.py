@@ -171,7 +171,7 @@ def test_a_run_does_not_depend_on_the_table_format(run_folder, tmp_path, ending)
     assert code == 0
     rotors = pd.read_csv(tmp_path / "r" / "rotors.csv")
     whole = pd.read_csv(run_folder / "rotors.csv")
-    np.testing.assert_allclose(rotors["radius_nm"], whole["radius_fit_nm"], rtol=3e-3)
+    np.testing.assert_allclose(rotors["radius_nm"], whole["radius_fit_nm"], rtol=1e-3)
 
 
 def test_the_paper_preset_runs_and_is_recorded(tmp_path):

@@ -89,6 +89,15 @@ def test_bridging_gaps_that_hide_turns_is_warned_about_and_unclassified(turning)
     assert found["behaviour"].tolist() == ["unclassified"]
 
 
+def test_the_radius_is_left_alone_where_the_motion_is_not_understood():
+    rng = np.random.default_rng(13)
+    random_angles = tracks_table((1, np.arange(500), rng.uniform(-np.pi, np.pi, 500)))
+    with pytest.warns(AngleWarning):
+        row = measure(random_angles, rotors_table(1)).iloc[0]
+    assert row["behaviour"] == "unclassified"
+    assert row["radius_nm"] == row["radius_fit_nm"] == 30.0
+
+
 def test_a_toggling_rotor_is_not_called_brownian():
     rng = np.random.default_rng(12)
     for _ in range(10):
