@@ -65,6 +65,12 @@ class NothingFoundError(RotortrackError):
     exit_code = 5
 
 
+class LockedError(RotortrackError):
+    """Another process writes to the folder."""
+
+    exit_code = 6
+
+
 class ResourceError(RotortrackError):
     """Disk, memory or permission does not allow the work to go on."""
 
@@ -79,12 +85,20 @@ class MetadataWarning(RotortrackWarning):
     """A value is missing from, or contradicts, the movie's metadata."""
 
 
+class SalvageWarning(MetadataWarning):
+    """A movie is cut short and the frames before the cut are used."""
+
+
 class NominalCameraWarning(RotortrackWarning):
     """The camera's values are a maker's, not measured ones."""
 
 
 class GainWarning(RotortrackWarning):
     """The movie's variance-against-mean slope contradicts the given gain."""
+
+
+class LineNoiseWarning(RotortrackWarning):
+    """The camera adds noise that whole columns or rows share."""
 
 
 class ExposureWarning(RotortrackWarning):
@@ -109,3 +123,7 @@ class KernelCacheWarning(RotortrackWarning):
 
 class TableWarning(RotortrackWarning):
     """Rows or columns of an imported table were skipped or assumed."""
+
+
+class ProtocolWarning(RotortrackWarning):
+    """Something in another program's protocol is doubtful or has no counterpart here."""

@@ -2,17 +2,22 @@
 
 numba notices a changed kernel but not a changed callee in another file, so the cache folder is
 named by a hash of all sources of the package and of the numba version. Cached kernels are machine
-code that is run without question, hence the folder belongs to the user alone (mode 0700).
+code that is run without question, hence the folder belongs to the user alone (mode 0700). Folders
+of other versions go when nobody has used them for 30 days.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
+import re
+import shutil
 import stat
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +29,9 @@ from numba.core import config as numba_config
 from rotortrack.errors import KernelCacheWarning
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
+
+_FOLDER_NAME = re.compile(r"kernels-[0-9a-f]{20}")
+_UNUSED_S = 30 * 86_400.0
 
 
 def kernel(function: _Function) -> _Function:
@@ -55,13 +63,16 @@ def cache_folder() -> Path | None:
     KernelCacheWarning
         Once a process, when the folder cannot be made, written or trusted.
     """
-    folder = _user_cache() / f"kernels-{source_hash()}"
+    folder = cache_path()
     try:
+        is_new = not folder.exists()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if os.name == "posix":
             _refuse_open_to_others(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        # Its time of change tells the versions of other days that this one is in use.
+        os.utime(folder)
     except OSError as error:
         warnings.warn(
             f"compiled kernels cannot be kept in {folder} ({error}), so every start takes some "
@@ -70,7 +81,35 @@ def cache_folder() -> Path | None:
             stacklevel=2,
         )
         return None
+    if is_new:
+        _sweep(folder)
     return folder
+
+
+def cache_path() -> Path:
+    """Return where the compiled kernels of this version belong, whether or not they can be kept."""
+    return _user_cache() / f"kernels-{source_hash()}"
+
+
+def count_compiled(folder: Path) -> int:
+    """Count the kernels of which `folder` keeps a compiled form."""
+    return sum(1 for _ in folder.rglob("*.nbi"))
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the folders beside `folder` that kept kernels and that nobody used for 30 days.
+
+    What has another name or is a link stays, and so does what cannot be removed.
+    """
+    oldest = time.time() - _UNUSED_S
+    with contextlib.suppress(OSError):
+        for other in folder.parent.iterdir():
+            if other == folder or not _FOLDER_NAME.fullmatch(other.name):
+                continue
+            with contextlib.suppress(OSError):
+                status = other.lstat()
+                if stat.S_ISDIR(status.st_mode) and status.st_mtime < oldest:
+                    shutil.rmtree(other, ignore_errors=True)
 
 
 def _refuse_open_to_others(folder: Path) -> None:

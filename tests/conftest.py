@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -22,3 +24,35 @@ def reference_data() -> Callable[[str], Path]:
         return root / name
 
     return folder
+
+
+@pytest.fixture
+def modes_obeyed() -> Iterator[None]:
+    """Let file modes bind this thread and the processes it starts, even as root.
+
+    Giving root another user id instead would take from it the interpreter in its own home.
+    """
+    if not hasattr(os, "geteuid"):
+        pytest.skip("modes exist on POSIX only")
+    if os.geteuid() != 0:
+        yield
+        return
+    if sys.platform != "linux":
+        pytest.skip("root may write everywhere")
+    libc = ctypes.CDLL(None)
+    get_secure_bits, set_secure_bits, root_is_nobody = 27, 28, 1
+    read_and_write_anything = 0b110
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)
+    powers = (ctypes.c_uint32 * 6)()
+    assert libc.capget(header, powers) == 0
+    bits, effective = libc.prctl(get_secure_bits), powers[0]
+    if libc.prctl(set_secure_bits, bits | root_is_nobody) != 0:
+        pytest.skip("root may write everywhere and may not change that")
+    powers[0] = effective & ~read_and_write_anything
+    assert libc.capset(header, powers) == 0
+    try:
+        yield
+    finally:
+        powers[0] = effective
+        assert libc.capset(header, powers) == 0
+        assert libc.prctl(set_secure_bits, bits) == 0

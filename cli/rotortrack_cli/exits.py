@@ -14,6 +14,7 @@ class Exit(IntEnum):
     INPUT = 3
     CONFIGURATION = 4
     NOTHING_FOUND = 5
+    LOCKED = 6
     RESOURCES = 7
     INTERRUPTED = 130
     READER_GONE = 141

@@ -8,11 +8,9 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import signal
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
-from types import FrameType
+from collections.abc import Sequence
 
 import click
 
@@ -20,6 +18,7 @@ from rotortrack.errors import ConfigurationError, RotortrackError
 from rotortrack_cli.console import Console
 from rotortrack_cli.exits import Exit
 from rotortrack_cli.lazy import LazyGroup
+from rotortrack_cli.signals import Terminated, stoppable
 
 _COMMANDS = {
     "run": "The whole workflow: movie to rotor speeds, figures and summary.",
@@ -31,11 +30,8 @@ _COMMANDS = {
     "motion": "Rotors to angles, speeds, diffusion and behaviour.",
     "simulate": "Movies of rotors whose motion is known.",
     "convert": "Localisations from one program's format to another's.",
+    "doctor": "Whether this computer is fit for the work, and what to do.",
 }
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM; a kind of KeyboardInterrupt so that one handler tidies up after both."""
 
 
 @click.command(
@@ -65,10 +61,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         What stands behind `rotortrack`; `sys.argv` when not given.
     """
+    try:
+        with stoppable():
+            return _run(arguments)
+    except KeyboardInterrupt as stop:
+        # It came while the end of the command was being told.
+        return _explain(stop)[0]
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run the command line and tell how it ended."""
     console = Console()
     wants_traceback = False
     try:
-        with console.showing_warnings(), _terminable():
+        with console.showing_warnings():
             if "_ROTORTRACK_COMPLETE" in os.environ:
                 rotortrack.main(arguments, "rotortrack")
             given = list(sys.argv[1:] if arguments is None else arguments)
@@ -97,6 +103,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
 
 
+_MORE_MEMORY = "close other programs, or use fewer --workers, fewer frames or a smaller region"
+
+
 def _explain(failure: BaseException) -> tuple[int, Sequence[str]]:
     """Choose the exit code and the lines that tell the user what happened."""
     match failure:
@@ -112,11 +121,10 @@ def _explain(failure: BaseException) -> tuple[int, Sequence[str]]:
             return Exit.TERMINATED, ["stopped by the system"]
         case KeyboardInterrupt() | click.Abort():
             return Exit.INTERRUPTED, ["stopped"]
-        case MemoryError():
-            return Exit.RESOURCES, [
-                "the memory does not suffice: close other programs, or use fewer --workers, "
-                "fewer frames or a smaller region"
-            ]
+        case MemoryError() | ImportError() if _is_short_of_memory(failure):
+            return Exit.RESOURCES, [f"the memory does not suffice: {_MORE_MEMORY}"]
+        case OSError() if (stop := _stop_behind(failure)) is not None:
+            return _explain(stop)
         case BrokenPipeError():
             return Exit.READER_GONE, []
         case OSError() if failure.errno not in (None, errno.ENOENT):
@@ -127,6 +135,20 @@ def _explain(failure: BaseException) -> tuple[int, Sequence[str]]:
     ]
 
 
+def _stop_behind(failure: BaseException) -> KeyboardInterrupt | None:
+    """Find the wish to stop that a failure followed: a closed terminal cannot be written to."""
+    behind = failure.__context__
+    while behind is not None and not isinstance(behind, KeyboardInterrupt):
+        behind = behind.__context__
+    return behind
+
+
+def _is_short_of_memory(failure: MemoryError | ImportError) -> bool:
+    """Whether memory is what lacks; a library is loaded late and may find none for its code."""
+    signs = ("failed to map", "cannot map", "annot allocate memory")
+    return isinstance(failure, MemoryError) or any(sign in str(failure) for sign in signs)
+
+
 def _usage_sentences(failure: click.UsageError) -> list[str]:
     lines = failure.format_message().splitlines()
     path = failure.ctx.command_path if failure.ctx else "rotortrack"
@@ -135,29 +157,20 @@ def _usage_sentences(failure: click.UsageError) -> list[str]:
 
 def _resource_sentence(failure: OSError) -> str:
     what = f"{failure.filename}: " if failure.filename else ""
-    return (
-        f"{what}{failure.strerror or failure}: free disk space or memory, or use files and "
-        "folders that you may read and write"
-    )
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception, so that it tidies up like SIGINT."""
-
-    def stop(_signal: int, _frame: FrameType | None) -> None:
-        raise Terminated
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:
-        # Not the main thread: the host program handles its signals.
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    match failure.errno:
+        case errno.ENOMEM | errno.EAGAIN:
+            remedy = _MORE_MEMORY
+        case errno.EMFILE | errno.ENFILE:
+            remedy = "close other programs, or allow more open files (`ulimit -n 4096`)"
+        case errno.ENOSPC | errno.EDQUOT:
+            remedy = "free disk space, or choose another folder"
+        case errno.EFBIG:
+            remedy = "allow larger files (`ulimit -f`), or choose a folder on another disk"
+        case errno.EACCES | errno.EPERM | errno.EROFS:
+            remedy = "use files and folders that you may read and write"
+        case _:
+            remedy = "see that the disk or network drive is at work, or use another one"
+    return f"{what}{failure.strerror or failure}: {remedy}"
 
 
 def _abandon_stdout() -> None:

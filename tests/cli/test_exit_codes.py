@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 
 import click
 import pytest
+from pyarrow.lib import ArrowMemoryError
 
 from rotortrack import errors
 from rotortrack_cli.exits import Exit
@@ -66,6 +68,7 @@ def failing(
         (errors.TableError("that is wrong"), 3),
         (errors.ConfigurationError("that is wrong"), 4),
         (errors.NothingFoundError("that is wrong"), 5),
+        (errors.LockedError("that is wrong"), 6),
         (errors.ResourceError("that is wrong"), 7),
     ],
 )
@@ -101,22 +104,50 @@ def test_traceback_is_shown_on_request_by_flag_or_environment(
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("number", "remedy"),
     [
-        MemoryError(),
-        OSError(errno.ENOSPC, "No space left on device", "file.parquet"),
-        PermissionError(errno.EACCES, "Permission denied", "file.parquet"),
-        OSError(errno.EROFS, "Read-only file system"),
+        (errno.ENOSPC, "free disk space"),
+        (errno.EDQUOT, "free disk space"),
+        (errno.EFBIG, "ulimit -f"),
+        (errno.EROFS, "that you may read and write"),
+        (errno.EACCES, "that you may read and write"),
+        (errno.EPERM, "that you may read and write"),
+        (errno.EMFILE, "ulimit -n"),
+        (errno.ENFILE, "ulimit -n"),
+        (errno.ENOMEM, "--workers"),
+        (errno.EAGAIN, "--workers"),
+        (errno.EIO, "at work"),
+        (errno.ESTALE, "at work"),
     ],
-    ids=["memory", "full", "permission", "read-only"],
 )
-def test_lack_of_resources_is_7(failing: Any, error: Exception) -> None:
-    outcome = failing(error)
+@pytest.mark.parametrize("name", ["file.parquet", None])
+def test_lack_of_resources_is_7_with_what_to_do(
+    failing: Any, number: int, remedy: str, name: str | None
+) -> None:
+    outcome = failing(OSError(number, os.strerror(number), name))
     assert outcome.code == Exit.RESOURCES
     assert "bug" not in outcome.err
     assert outcome.err.count("\n") == 1
-    if getattr(error, "filename", None):
-        assert "file.parquet" in outcome.err
+    assert os.strerror(number) in outcome.err
+    assert remedy in outcome.err
+    assert (name or "") in outcome.err
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ArrowMemoryError("malloc of size 1 failed"),
+        ImportError("_core.so: failed to map segment from shared object"),
+        ImportError("_core.so: cannot map zero-fill pages: Cannot allocate memory"),
+    ],
+)
+def test_lack_of_memory_is_7(failing: Any, error: Exception) -> None:
+    outcome = failing(error)
+    assert outcome.code == Exit.RESOURCES
+    assert outcome.err.count("\n") == 1
+    assert "memory does not suffice" in outcome.err
+    assert "--workers" in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -142,29 +173,6 @@ def test_the_american_spelling_is_an_alias() -> None:
 
     assert rotortrack.aliases == {"localize": "localise"}
     assert "localize" not in rotortrack.list_commands(click.Context(rotortrack))
-
-
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, Exit.INTERRUPTED), (signal.SIGTERM, Exit.TERMINATED)]
-)
-def test_signals_let_the_command_tidy_up_and_give_their_code(
-    process: Callable[..., subprocess.Popen[str]], number: signal.Signals, code: int
-) -> None:
-    body = """
-    try:
-        print("ready", flush=True)
-        time.sleep(60)
-    finally:
-        print("tidy", flush=True)
-"""
-    running = process(SCRIPT.format(body=body))
-    assert running.stdout is not None
-    assert running.stdout.readline() == "ready\n"
-    running.send_signal(number)
-    out, err = running.communicate(timeout=30)
-    assert (running.returncode, out) == (code, "tidy\n")
-    assert err.startswith("rotortrack: stopped")
-    assert err.count("\n") == 1
 
 
 def test_a_reader_that_leaves_early_is_no_failure_to_tell(

@@ -12,6 +12,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,8 @@ import numpy as np
 import pytest
 
 import rotortrack.errors
-from rotortrack.kernels import kernel, source_hash
+from rotortrack import kernels
+from rotortrack.kernels import count_compiled, kernel, source_hash
 
 PACKAGE = Path(rotortrack.errors.__file__).parent
 
@@ -186,9 +188,7 @@ def test_no_cache_folder_means_one_warning_and_the_right_result(
         assert "ROTORTRACK_CACHE_DIR" in sentence
 
 
-@pytest.mark.skipif(
-    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere"
-)
+@pytest.mark.usefixtures("modes_obeyed")
 def test_a_cache_without_permission_means_one_warning_and_the_right_result(
     trial: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -222,3 +222,85 @@ def test_a_folder_open_to_others_is_refused(
 def test_the_hash_is_stable_within_a_version() -> None:
     assert source_hash() == source_hash()
     assert len(source_hash()) == 20
+
+
+DAY_S = 86_400.0
+
+
+def old_folder(cache: Path, name: str, days: float) -> Path:
+    folder = cache / name
+    (folder / "rotortrack_1").mkdir(parents=True)
+    (folder / "rotortrack_1" / "loop.nbi").write_text("")
+    set_age(folder, days)
+    return folder
+
+
+def set_age(path: Path, days: float) -> None:
+    then = time.time() - days * DAY_S
+    os.utime(path, (then, then))
+
+
+def test_a_new_folder_sweeps_versions_unused_for_thirty_days(
+    trial: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    stale = old_folder(cache, f"kernels-{'a' * 20}", 31)
+    recent = old_folder(cache, f"kernels-{'b' * 20}", 29)
+    others = [
+        old_folder(cache, name, 400)
+        for name in ("kernels-mine", f"kernels-{'g' * 20}", f"kernels-{'a' * 20}.bak", "results")
+    ]
+    file = cache / f"kernels-{'c' * 20}"
+    file.write_text("")
+    set_age(file, 400)
+    outcome = trial()
+    assert outcome["value"] == 12.0
+    assert outcome["warnings"] == []
+    assert not stale.exists()
+    assert recent.is_dir()
+    assert file.is_file()
+    assert all((other / "rotortrack_1" / "loop.nbi").is_file() for other in others)
+
+
+def test_only_a_new_folder_sweeps_and_use_keeps_a_folder_young(
+    trial: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    folder = Path(trial()["folder"])
+    set_age(folder, 400)
+    stale = old_folder(tmp_path / "cache", f"kernels-{'a' * 20}", 31)
+    assert trial()["hits"] == 1
+    assert stale.is_dir()
+    assert time.time() - folder.stat().st_mtime < DAY_S
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need no permission on POSIX only")
+def test_the_sweep_follows_no_link(tmp_path: Path) -> None:
+    outside = old_folder(tmp_path, "precious", 400)
+    cache = tmp_path / "cache"
+    stale = old_folder(cache, f"kernels-{'a' * 20}", 0)
+    (stale / "link").symlink_to(outside)
+    set_age(stale, 400)
+    link = cache / f"kernels-{'b' * 20}"
+    link.symlink_to(outside)
+    kernels._sweep(cache / f"kernels-{'c' * 20}")
+    assert not stale.exists()
+    assert link.is_symlink()
+    assert count_compiled(outside) == 1
+
+
+def test_what_cannot_be_removed_does_not_stop_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = (old_folder(tmp_path, f"kernels-{letter * 20}", 31) for letter in "ab")
+    remove = shutil.rmtree
+
+    def refuse_first(path: Path, **how: Any) -> None:
+        if path == first:
+            raise PermissionError("in use")
+        remove(path, **how)
+
+    monkeypatch.setattr(shutil, "rmtree", refuse_first)
+    kernels._sweep(tmp_path / f"kernels-{'c' * 20}")
+    assert first.is_dir()
+    assert not second.exists()
+    kernels._sweep(tmp_path / "absent" / f"kernels-{'c' * 20}")

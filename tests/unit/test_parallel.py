@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotortrack.parallel import default_workers, map_ordered
+from rotortrack.errors import ResourceError
+from rotortrack.parallel import default_workers, map_ordered, process_pool
 
 
 class CountingExecutor(Executor):
@@ -77,11 +79,92 @@ def test_a_given_executor_does_the_work_and_stays_open() -> None:
     executor.pool.shutdown()
 
 
-def test_processes_give_the_same_result() -> None:
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
-        assert list(map_ordered(abs, range(-3, 3), workers=1, executor=executor)) == [
-            *(3, 2, 1, 0, 1, 2)
-        ]
+def act(what: str | int) -> str | int:
+    """Do what a worker may do."""
+    if what == "be killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if what == "run out of memory":
+        raise MemoryError("array of 9 TiB")
+    if what == "ignore Ctrl-C":
+        signal.raise_signal(signal.SIGINT)
+    return what
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these signals are POSIX's")
+def test_a_pool_of_processes_works_in_order_and_tells_how_a_worker_ended() -> None:
+    with process_pool(2) as pool:
+        items = [*range(5), "ignore Ctrl-C", 6]
+        assert list(map_ordered(act, items, workers=2, executor=pool)) == items
+        with pytest.raises(MemoryError, match="9 TiB"):
+            list(map_ordered(act, [0, "run out of memory", 2], workers=2, executor=pool))
+        with pytest.raises(ResourceError, match=r"was killed.*fewer --workers"):
+            list(map_ordered(act, [0, 1, "be killed", *range(9)], workers=2, executor=pool))
+        with pytest.raises(ResourceError, match="worker process was killed"):
+            list(map_ordered(act, [0], workers=2, executor=pool))
+
+
+def test_a_shortage_of_threads_is_a_resource_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(ResourceError, match="fewer --workers"):
+        list(map_ordered(abs, range(3), workers=2))
+
+
+def test_any_other_refusal_of_an_executor_is_raised_as_it_is() -> None:
+    executor = ThreadPoolExecutor(1)
+    executor.shutdown()
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        list(map_ordered(abs, range(3), workers=2, executor=executor))
+
+
+@pytest.mark.parametrize("given_executor", [False, True])
+def test_an_interrupt_cancels_what_waits_and_finishes_what_runs(given_executor: bool) -> None:
+    """The consumer is waiting for a result when the signal comes, as it nearly always is."""
+    begun: list[int] = []
+    finished: list[int] = []
+    pool = ThreadPoolExecutor(2) if given_executor else None
+    interrupt = threading.Timer(0.15, os.kill, [os.getpid(), signal.SIGINT])
+
+    def work(i: int) -> int:
+        begun.append(i)
+        time.sleep(0.1)
+        finished.append(i)
+        return i
+
+    interrupt.start()
+    with pytest.raises(KeyboardInterrupt):
+        list(map_ordered(work, range(1000), workers=2, executor=pool))
+    assert 2 <= len(begun) < 20
+    assert sorted(begun) == sorted(finished)
+    interrupt.join()
+    if pool is not None:
+        assert pool.submit(abs, -1).result() == 1
+        pool.shutdown()
+    assert sorted(begun) == sorted(finished)
+
+
+@pytest.mark.parametrize("given_executor", [False, True])
+def test_a_failure_waits_for_what_runs(given_executor: bool) -> None:
+    """What a failing block leaves running may still read files that the caller will close."""
+    finished: list[int] = []
+    pool = ThreadPoolExecutor(3) if given_executor else None
+
+    def work(i: int) -> int:
+        if i == 0:
+            raise ValueError("item 0")
+        time.sleep(0.1)
+        finished.append(i)
+        return i
+
+    with pytest.raises(ValueError, match="item 0"):
+        list(map_ordered(work, range(100), workers=3, executor=pool))
+    count = len(finished)
+    time.sleep(0.2)
+    assert len(finished) == count
+    if pool is not None:
+        pool.shutdown()
 
 
 def test_the_first_failure_in_order_is_raised_and_the_rest_cancelled() -> None:
@@ -97,9 +180,9 @@ def test_the_first_failure_in_order_is_raised_and_the_rest_cancelled() -> None:
 
     results = map_ordered(work, range(100), workers=4, executor=executor)
     assert [next(results), next(results)] == [0, 1]
+    threading.Timer(0.1, release.set).start()
     with pytest.raises(ValueError, match="item 2"):
         next(results)
-    release.set()
     executor.pool.shutdown()
     assert len(executor.futures) <= 2 + 8
     assert any(future.cancelled() for future in executor.futures)
@@ -113,9 +196,9 @@ def test_a_failing_source_of_items_is_raised_and_pending_work_cancelled() -> Non
         yield from range(3)
         raise OSError("the file ended early")
 
+    threading.Timer(0.1, release.set).start()
     with pytest.raises(OSError, match="ended early"):
         list(map_ordered(lambda _: release.wait(5), items(), workers=4, executor=executor))
-    release.set()
     executor.pool.shutdown()
     assert [future.cancelled() for future in executor.futures][1:] == [True, True]
 
