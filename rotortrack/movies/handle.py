@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import threading
 from pathlib import Path
+
+_MOST_HOLES = 1000
 
 
 class Handle:
@@ -13,6 +16,11 @@ class Handle:
     Reading names the place with each call instead of moving a shared position, so that two threads
     that share a handle by mistake still read the right bytes. Memory mapping is avoided on
     purpose: mapped pages count as the process's memory.
+
+    Attributes
+    ----------
+    size
+        Length of the file in bytes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -35,6 +43,21 @@ class Handle:
         size = max(0, min(size, self.size - offset))
         buffer = bytearray(size)
         return bytes(buffer[: self.read_into(memoryview(buffer), offset)])
+
+    @functools.cached_property
+    def stored(self) -> int:
+        """Bytes of the file that are not holes."""
+        if not hasattr(os, "SEEK_DATA"):
+            return self.size
+        total = place = 0
+        for _ in range(_MOST_HOLES):
+            try:
+                start = os.lseek(self._file.fileno(), place, os.SEEK_DATA)
+            except OSError:  # none but holes up to the end
+                return total
+            place = os.lseek(self._file.fileno(), start, os.SEEK_HOLE)
+            total += place - start
+        return total + self.size - place
 
     def close(self) -> None:
         """Close the file; closing twice does no harm."""

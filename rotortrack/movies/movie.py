@@ -16,7 +16,7 @@ Frames = NDArray[Any]
 """Raw counts of shape (frame, y, x) in the movie's own number type."""
 
 NUMBER_TYPES = tuple(
-    np.dtype(name) for name in ("uint8", "uint16", "uint32", "int16", "float32", "float64")
+    np.dtype(name) for name in ("uint8", "uint16", "uint32", "int16", "int32", "float32", "float64")
 )
 
 
@@ -35,7 +35,18 @@ class Movie(Protocol):
     metadata
         What is known of the movie, each value with its origin.
     path
-        The file, or None for a movie in memory.
+        The file, the first one of several, or None for a movie in memory.
+    paths
+        All files in the order of their frames; none for a movie in memory.
+    notes
+        How the files were understood, one sentence each.
+    missing_frames
+        Declared frames that cannot be read; 0 unless the file was salvaged.
+    times_s
+        Recorded time of each frame (s), or None where the file tells none.
+    numbers
+        Number of each frame when dropped ones are counted too, with gaps; None where
+        `first_frame` plus the index is the number.
     origin_px
         x and y of the first pixel on the sensor.
     first_frame
@@ -46,6 +57,11 @@ class Movie(Protocol):
     dtype: np.dtype[Any]
     metadata: Metadata
     path: Path | None
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...]
+    missing_frames: int
+    times_s: NDArray[np.float64] | None
+    numbers: NDArray[np.int64] | None
     origin_px: tuple[int, int]
     first_frame: int
 
@@ -119,6 +135,11 @@ class ArrayMovie(Movie):
         self.shape = (counts.shape[0], counts.shape[1], counts.shape[2])
         self.metadata = metadata
         self.path = None
+        self.paths = ()
+        self.notes = ()
+        self.missing_frames = 0
+        self.times_s = None
+        self.numbers = None
         self.origin_px = (0, 0)
         self.first_frame = 0
 

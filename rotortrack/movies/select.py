@@ -71,6 +71,12 @@ class _Selection(Movie):
         self.dtype = movie.dtype
         self.metadata = movie.metadata
         self.path = movie.path
+        self.paths = movie.paths
+        self.notes = movie.notes
+        self.missing_frames = movie.missing_frames
+        cut = np.s_[self._skipped : self._skipped + stop - start]
+        self.times_s = None if movie.times_s is None else movie.times_s[cut]
+        self.numbers = None if movie.numbers is None else movie.numbers[cut]
         self.origin_px = (x0, y0)
         self.first_frame = start
 

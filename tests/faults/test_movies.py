@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+import types
 import warnings
 from pathlib import Path
 
@@ -14,7 +15,10 @@ import numpy as np
 import pytest
 import tifffile
 
-from rotortrack.errors import MetadataWarning, MovieError, RotortrackWarning
+from rotortrack.errors import MetadataWarning, MovieError, RotortrackWarning, SalvageWarning
+from rotortrack.movies import layout
+from rotortrack.movies.options import MovieOptions
+from rotortrack.movies.select import select
 from rotortrack.movies.tiff import open_movie
 
 FRAMES = np.random.default_rng(5).integers(90, 400, (40, 64, 64)).astype(np.uint16)
@@ -38,9 +42,9 @@ def write(path: Path, form: str) -> bytes:
     return path.read_bytes()
 
 
-def refusal(path: Path) -> str:
+def refusal(path: Path, options: MovieOptions | None = None) -> str:
     """Open and read all; give the sentence of the error, which must name the file."""
-    with pytest.raises(MovieError) as caught, open_movie(path) as movie:
+    with pytest.raises(MovieError) as caught, open_movie(path, options) as movie:
         movie.frames(0, movie.shape[0])
     sentence = str(caught.value)
     assert str(path) in sentence
@@ -65,6 +69,52 @@ def test_cut_file_names_declared_and_readable_frames(form: str, cut: float, tmp_
     else:
         assert declared == 40
         assert abs(readable - cut * 40) <= 1
+
+
+@pytest.mark.parametrize("cut", [0.25, 0.6, 0.9])
+@pytest.mark.parametrize("form", [*WRITERS, "pages"])
+def test_whole_frames_of_a_cut_file_are_salvaged_and_flagged(
+    form: str, cut: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "movie.tif"
+    content = write(path, form)
+    path.write_bytes(content[: int(cut * len(content))])
+    assert "--salvage" in refusal(path)
+    with pytest.warns(SalvageWarning, match=r"cut short: .* are used") as caught:
+        movie = open_movie(path, MovieOptions(salvage=True))
+    with movie:
+        readable = movie.shape[0]
+        np.testing.assert_array_equal(movie.frames(0, readable), FRAMES[:readable])
+        assert movie.missing_frames > 0
+        assert f"{readable} are used" in str(caught[0].message)
+        assert select(movie, frames=(0, 1)).missing_frames == movie.missing_frames
+        if form not in ("zlib", "pages"):
+            assert readable + movie.missing_frames == 40
+        if form != "zlib":
+            assert abs(readable - cut * 40) <= 2
+        with movie.reopen() as again:
+            assert again.missing_frames == movie.missing_frames
+
+
+def test_whole_file_is_the_same_with_salvage(tmp_path: Path) -> None:
+    path = tmp_path / "movie.tif"
+    write(path, "plain")
+    with open_movie(path, MovieOptions(salvage=True)) as movie:
+        assert (movie.shape[0], movie.missing_frames) == (40, 0)
+
+
+@pytest.mark.parametrize("form", ["plain", "imagej", "pages"])
+def test_nothing_can_be_salvaged_before_the_end_of_the_first_frame(
+    form: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "movie.tif"
+    content = write(path, form)
+    with tifffile.TiffFile(path) as tif:
+        pixels = tif.pages.first.dataoffsets[0]
+    path.write_bytes(content[: pixels + FRAMES[0].nbytes - 1])
+    sentence = refusal(path, MovieOptions(salvage=True))
+    assert ", 0 can be read" in sentence
+    assert "--salvage" not in sentence
 
 
 @pytest.mark.parametrize("form", ["imagej", "ome", "plain"])
@@ -111,7 +161,7 @@ def test_damaged_compressed_frame_is_named_and_others_are_read(tmp_path: Path) -
         file.write(b"\xff" * 8)
     with open_movie(path) as movie:
         np.testing.assert_array_equal(movie.frames(0, 17), FRAMES[:17])
-        with pytest.raises(MovieError, match="frame 17"):
+        with pytest.raises(MovieError, match=r"frame 17 .*--frames 0 17 reads what is before"):
             movie.frames(10, 20)
 
 
@@ -145,22 +195,64 @@ def test_unreadable_file_is_one_sentence(tmp_path: Path, monkeypatch: pytest.Mon
         assert "Permission denied" in refusal(path)
 
 
-def test_unsuitable_pictures_are_named_with_their_axes(tmp_path: Path) -> None:
+STACK = np.zeros((2, 5, 8, 9), np.uint16)
+UNSUITABLE: dict[str, tuple[np.ndarray, dict[str, object], str]] = {
+    "colour": (np.zeros((4, 8, 9, 3), np.uint8), {"photometric": "rgb"}, "3 samples a pixel"),
+    "colour planes": (
+        np.zeros((3, 8, 9), np.uint8),
+        {"photometric": "rgb", "planarconfig": "separate"},
+        "3 samples a pixel",
+    ),
+    "interleaved channels": (
+        np.zeros((4, 8, 9, 2), np.uint16),
+        {"planarconfig": "contig", "metadata": None, "extrasamples": [0]},
+        "2 samples a pixel",
+    ),
+    "imagej channels": (
+        STACK,
+        {"imagej": True, "metadata": {"axes": "TCYX"}},
+        "(T = 2, C = 5): choose with --channel",
+    ),
+    "ome slices": (
+        STACK,
+        {"ome": True, "metadata": {"axes": "TZYX"}},
+        "(T = 2, Z = 5): choose with --z-slice",
+    ),
+    "channels first": (
+        STACK,
+        {"metadata": {"axes": "CTYX"}},
+        "(C = 2, T = 5): choose with --channel",
+    ),
+    "slices of channels": (
+        STACK,
+        {"metadata": {"axes": "ZCYX"}},
+        "(Z = 2, C = 5): choose with --z-slice or --channel",
+    ),
+    "three axes": (
+        STACK.repeat(3, 0).reshape(2, 3, 5, 8, 9),
+        {"metadata": {"axes": "TZCYX"}},
+        "(T = 2, Z = 3, C = 5): choose with --z-slice and --channel",
+    ),
+    "axes without names": (STACK, {}, "(axis 0 = 2, axis 1 = 5): say what they are with --axes"),
+    "time in the pages": (STACK[0], {"metadata": {"axes": "XYT"}}, "as XYT"),
+    "rows and columns swapped": (STACK[0], {"metadata": {"axes": "TXY"}}, "as TXY"),
+    **{
+        f"numbers of {kind}": (
+            np.zeros((3, 8, 9), kind),
+            {},
+            f"{kind} pixels: save it as one of uint8, uint16, uint32, int16, int32",
+        )
+        for kind in ("complex64", "complex128", "bool", "int8", "float16", "uint64", "int64")
+    },
+}
+
+
+@pytest.mark.parametrize("case", UNSUITABLE)
+def test_unsuitable_pictures_are_named_with_a_remedy(case: str, tmp_path: Path) -> None:
     path = tmp_path / "movie.tif"
-    tifffile.imwrite(path, np.zeros((4, 8, 9, 3), np.uint8), photometric="rgb")
-    assert "colour image (3 samples a pixel)" in refusal(path)
-    stack = np.zeros((2, 5, 8, 9), np.uint16)
-    for options, axes in [
-        ({"imagej": True, "metadata": {"axes": "TCYX"}}, "C = 5, T = 2"),
-        ({"ome": True, "metadata": {"axes": "TZYX"}}, "Z = 5, T = 2"),
-        ({"metadata": {"axes": "CTYX"}}, "C = 2, T = 5"),
-        ({}, "axis 0 = 2, axis 1 = 5"),
-    ]:
-        tifffile.imwrite(path, stack, photometric="minisblack", **options)
-        assert axes in refusal(path)
-    for kind in (complex, bool, np.int8, np.uint64):
-        tifffile.imwrite(path, np.zeros((3, 8, 9), kind), photometric="minisblack")
-        assert "pixels: save it as one of uint8" in refusal(path)
+    pixels, options, reason = UNSUITABLE[case]
+    tifffile.imwrite(path, pixels, **{"photometric": "minisblack", **options})
+    assert reason in refusal(path)
 
 
 def test_pages_of_different_size_are_not_one_movie(tmp_path: Path) -> None:
@@ -169,19 +261,6 @@ def test_pages_of_different_size_are_not_one_movie(tmp_path: Path) -> None:
         for height in (16, 16, 17):
             writer.write(np.zeros((height, 20), np.uint16), metadata=None)
     assert "page 2 has 20 x 17 pixels, the first 20 x 16" in refusal(path)
-
-
-def test_part_of_a_set_of_files_is_not_taken_for_the_movie(tmp_path: Path) -> None:
-    path = tmp_path / "a.tif"
-    planes = "".join(
-        f'<TiffData IFD="0"><UUID FileName="{name}.tif">u</UUID></TiffData>' for name in "ab"
-    )
-    text = (
-        '<OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06"><Image ID="Image:0">'
-        f'<Pixels SizeX="9" SizeY="8" SizeC="1" SizeZ="1" SizeT="2">{planes}</Pixels></Image></OME>'
-    )
-    tifffile.imwrite(path, np.zeros((8, 9), np.uint16), metadata=None, description=text)
-    assert "one of 2 files of a movie of 2 frames" in refusal(path)
 
 
 def test_chain_of_pages_that_bites_its_tail_is_refused(tmp_path: Path) -> None:
@@ -265,3 +344,21 @@ def test_flipped_bytes_end_in_a_movie_error_or_in_frames_within_5_s(
     assert ends["error"] > 0
     # Almost any flip in compressed pixels is noticed, none in plain ones.
     assert ends["frames"] > 0 or form == "zlib"
+
+
+@pytest.mark.parametrize("kind", [NameError, AssertionError, AttributeError])
+def test_our_own_slips_are_not_blamed_on_the_file(
+    kind: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "movie.tif"
+    write(path, "plain")
+
+    def slip(*_args: object, **_kwargs: object) -> None:
+        raise kind("a slip")
+
+    # As if the slip stood in the package itself.
+    code = slip.__code__.replace(co_filename=layout.__file__)
+    slip = types.FunctionType(code, slip.__globals__, closure=slip.__closure__)
+    monkeypatch.setattr(layout, "read_directories", slip)
+    with pytest.raises(kind, match="a slip"):
+        open_movie(path)

@@ -75,3 +75,20 @@ def test_selection_of_a_file_reopens_and_closes_its_own_handle(tmp_path: Path) -
             np.testing.assert_array_equal(own.frames(0, 2), COUNTS[5:7, 2:6, 1:4])
         np.testing.assert_array_equal(part.frames(1, 2), COUNTS[6:7, 2:6, 1:4])
         assert part.path == movie.path
+
+
+def test_movie_in_memory_knows_no_files_and_no_times() -> None:
+    movie = ArrayMovie(COUNTS)
+    assert (movie.path, movie.paths, movie.notes, movie.missing_frames) == (None, (), (), 0)
+    assert movie.times_s is None
+    assert movie.numbers is None
+
+
+def test_selection_cuts_times_and_numbers_like_frames() -> None:
+    movie = ArrayMovie(COUNTS)
+    movie.times_s, movie.numbers = 0.1 * np.arange(10), np.arange(10) + (np.arange(10) > 4)
+    part = select(select(movie, frames=(2, 9)), frames=(4, 7))
+    assert part.times_s is not None
+    np.testing.assert_array_equal(part.times_s, movie.times_s[4:7])
+    assert part.numbers is not None
+    np.testing.assert_array_equal(part.numbers, [4, 6, 7])

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
 
 from rotortrack.movies.movie import NUMBER_TYPES
+from rotortrack.movies.options import MovieOptions
 from rotortrack.movies.tiff import open_movie
 
 FRAMES = np.random.default_rng(1).integers(0, 60000, (12, 20, 31)).astype(np.uint16)
@@ -34,6 +38,13 @@ def thumbnails_between(path: Path, frames: np.ndarray) -> None:
             writer.write(frame, metadata=None)
 
 
+def one_strip_by_several_names(path: Path, frames: np.ndarray) -> None:
+    page_by_page(path, frames, metadata=None)
+    with tifffile.TiffFile(path, mode="r+") as file:
+        for page in list(file.pages)[1::2]:
+            page.aspage().tags["RowsPerStrip"].overwrite(2**32 - 1, dtype="I")
+
+
 FORMS: dict[str, Callable[[Path, np.ndarray], None]] = {
     "plain": tifffile.imwrite,
     "plain without description": lambda p, f: tifffile.imwrite(p, f, metadata=None),
@@ -48,6 +59,7 @@ FORMS: dict[str, Callable[[Path, np.ndarray], None]] = {
     "bigtiff page per write": lambda p, f: page_by_page(p, f, bigtiff=True),
     "two stacks": lambda p, f: page_by_page(p, f.reshape(2, 6, 20, 31)),
     "one directory": lambda p, f: tifffile.imwrite(p, f, metadata={"truncated": True}),
+    "one strip by several names": one_strip_by_several_names,
     "strips": lambda p, f: tifffile.imwrite(p, f, rowsperstrip=7),
     "tiles": lambda p, f: tifffile.imwrite(p, f, tile=(16, 16)),
     "zlib": lambda p, f: tifffile.imwrite(p, f, compression="zlib"),
@@ -213,3 +225,63 @@ def test_real_micromanager_file_is_read_with_its_metadata(
         assert movie.metadata["frame_interval_s"].value == pytest.approx(0.5)
         assert movie.metadata["exposure_s"].value == pytest.approx(0.75)
         assert movie.metadata["sensor_region"].value == "300-300-600-600"
+
+
+def test_bigtiff_above_4_gb_is_read_to_its_last_frame(tmp_path: Path) -> None:
+    path, shape, count = tmp_path / "large.tif", (1024, 1024), 2200
+    size = shape[0] * shape[1] * 2
+    marks = {
+        number: np.random.default_rng(number).integers(0, 65535, shape).astype("<u2")
+        for number in (0, 2047, 2048, count - 1)
+    }
+    # One directory behind each frame, as libtiff writes them, and holes instead of dark frames.
+    entries = {256: 1024, 257: 1024, 258: 16, 259: 1, 262: 1, 277: 1, 278: 1024, 279: size}
+    step = size + 256
+    with path.open("wb") as file:
+        file.write(struct.pack("<2sHHHQ", b"II", 43, 8, 0, 16 + size))
+        for number in range(count):
+            start = 16 + number * step
+            if number in marks:
+                file.seek(start)
+                file.write(marks[number].tobytes())
+            file.seek(start + size)
+            file.write(struct.pack("<Q", len(entries) + 1))
+            for tag, value in sorted({**entries, 273: start}.items()):
+                file.write(struct.pack("<HHQQ", tag, 16, 1, value))
+            following = start + size + step if number < count - 1 else 0
+            file.write(struct.pack("<Q", following))
+    assert path.stat().st_size > 2**32
+    with open_movie(path) as movie:
+        assert movie.shape == (count, *shape)
+        for number, pixels in marks.items():
+            np.testing.assert_array_equal(movie.frames(number, number + 1)[0], pixels)
+    with open_movie(path, MovieOptions(axes="TC2YX", channel=1)) as movie:
+        np.testing.assert_array_equal(movie.frames(1023, 1024)[0], marks[2047])
+        np.testing.assert_array_equal(movie.frames(1099, 1100)[0], marks[count - 1])
+
+
+@pytest.mark.skipif(not hasattr(os, "preadv"), reason="counts calls of preadv")
+@pytest.mark.parametrize(
+    ("options", "reads", "size"),
+    [({}, 1, 12 * 20 * 31 * 2), ({"axes": "TC2YX", "channel": 1}, 6, 20 * 31 * 2)],
+)
+def test_plain_frames_are_read_at_once_and_nothing_else_is_read(
+    options: dict[str, Any],
+    reads: int,
+    size: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = tmp_path / "movie.tif"
+    tifffile.imwrite(path, FRAMES, metadata=None)
+    calls = []
+    preadv = os.preadv
+
+    def counted(descriptor: int, buffers: list[memoryview], offset: int) -> int:
+        calls.append(len(buffers[0]))
+        return preadv(descriptor, buffers, offset)
+
+    with open_movie(path, MovieOptions(**options)) as movie:
+        monkeypatch.setattr(os, "preadv", counted)
+        movie.frames(0, movie.shape[0])
+    assert calls == [size] * reads
