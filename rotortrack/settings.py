@@ -10,15 +10,29 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import itertools
+import stat
 import tomllib
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rotortrack.errors import ConfigurationError
+
+_MAXIMUM_BYTES = 1_000_000
+"""A configuration holds some kB; a movie given by mistake is not read."""
+
+_MAXIMUM_DOTS = 50
+"""A dotted key of n parts takes the TOML parser memory for n squared ones."""
+
+_LARGEST_WHOLE = 2**53
+"""Above it whole numbers have no place in an array of 64-bit numbers."""
+
+_LONGEST_QUOTE = 100
+_MOST_MISTAKES = 20
 
 Values = Mapping[str, Mapping[str, Any]]
 """Raw values by section and key, as read from TOML or from flags."""
@@ -103,18 +117,22 @@ class OptionField:
         if value is None:
             return None
         if self.choices and value not in self.choices:
-            return f"must be one of {', '.join(map(str, self.choices))}, not {value!r}"
+            return (
+                f"must be one of {', '.join(map(str, self.choices))}, not {shortened(repr(value))}"
+            )
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, bool) or not isinstance(number, int | float):
                 continue
             if self.gt is not None and not number > self.gt:
-                return f"must be greater than {self.gt:g}, not {number:g}"
+                return f"must be greater than {self.gt:g}, not {_spelt(number)}"
             if self.ge is not None and not number >= self.ge:
-                return f"must be at least {self.ge:g}, not {number:g}"
+                return f"must be at least {self.ge:g}, not {_spelt(number)}"
             if self.le is not None and not number <= self.le:
-                return f"must be at most {self.le:g}, not {number:g}"
+                return f"must be at most {self.le:g}, not {_spelt(number)}"
+            if isinstance(number, int) and abs(number) > _LARGEST_WHOLE:
+                return f"must be a number below 2**53, not {_spelt(number)}"
             if number in (float("inf"), float("-inf")) or number != number:
-                return f"must be a finite number, not {number:g}"
+                return f"must be a finite number, not {_spelt(number)}"
         return self.check(value) if self.check else None
 
 
@@ -187,6 +205,31 @@ class Settings:
         }
 
 
+def read_content(path: Path) -> bytes:
+    """Read a configuration file of any kind, which is never large.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such file, it is a folder or a pipe, or it is larger than 1 MB.
+    """
+    try:
+        # A pipe is told from its kind, as opening it would wait for a writer.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ConfigurationError(f"{path} is not a file: give the name of a TOML file")
+        with path.open("rb") as stream:
+            content = stream.read(_MAXIMUM_BYTES + 1)
+    except (OSError, ValueError) as error:
+        cause = error.strerror if isinstance(error, OSError) else error
+        raise ConfigurationError(f"{path} cannot be read ({cause})") from error
+    if len(content) > _MAXIMUM_BYTES:
+        raise ConfigurationError(
+            f"{path} is larger than {_MAXIMUM_BYTES // 1_000_000} MB, as no configuration is: give "
+            "the name of a TOML file"
+        )
+    return content
+
+
 def read_toml(path: Path) -> dict[str, dict[str, Any]]:
     """Read a configuration file.
 
@@ -195,21 +238,50 @@ def read_toml(path: Path) -> dict[str, dict[str, Any]]:
     ConfigurationError
         The file is missing, is not UTF-8 TOML, or holds keys outside a section.
     """
+    return parse_toml(read_content(path), path)
+
+
+def parse_toml(content: bytes, path: Path) -> dict[str, dict[str, Any]]:
+    """Parse the content of a configuration file.
+
+    Parameters
+    ----------
+    content
+        TOML in UTF-8.
+    path
+        Where it comes from, for the sentences.
+
+    Raises
+    ------
+    ConfigurationError
+        It is not UTF-8 TOML, or holds keys outside a section.
+    """
     try:
         # Windows editors put a byte order mark in front, which TOML does not know.
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read ({error.strerror})") from error
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path} is not UTF-8 text: save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is not valid TOML: {error}") from error
-    loose = [key for key, value in content.items() if not isinstance(value, dict)]
+    dotted = [n for n, line in enumerate(text.splitlines(), 1) if line.count(".") > _MAXIMUM_DOTS]
+    if dotted:
+        raise ConfigurationError(
+            f"{path} has more than {_MAXIMUM_DOTS} dots in line {dotted[0]}, which no option needs"
+        )
+    try:
+        values = tomllib.loads(text)
+    except RecursionError as error:
+        raise ConfigurationError(f"{path} is nested more deeply than any option") from error
+    except ValueError as error:
+        raise ConfigurationError(f"{path} is not valid TOML: {shortened(str(error))}") from error
+    loose = [key for key, value in values.items() if not isinstance(value, dict)]
     if loose:
         raise ConfigurationError(
-            *(f"{path}: {key} stands outside any [section]: move it into one" for key in loose)
+            *_some(
+                f"{path}: {shortened(key)} stands outside any [section], or is an array of them: "
+                "move it into one"
+                for key in loose
+            )
         )
-    return content
+    return values
 
 
 def resolve(classes: Mapping[str, type], layers: Sequence[Layer]) -> Settings:
@@ -218,18 +290,16 @@ def resolve(classes: Mapping[str, type], layers: Sequence[Layer]) -> Settings:
     Raises
     ------
     ConfigurationError
-        Unknown sections and keys, wrong types and values out of bounds, all listed at once.
+        Unknown sections and keys, wrong types and values out of bounds, all listed at once (the
+        first 20 of very many).
     """
     chosen: dict[str, dict[str, Any]] = {section: {} for section in classes}
     origins: dict[str, str] = {}
-    mistakes: list[str] = []
-    for layer in layers:
-        for section, values in layer.values.items():
-            if section not in classes:
-                hint = _hint(section, classes)
-                mistakes.append(f"{layer.origin}: [{section}] is not a section{hint}")
-                continue
-            mistakes.extend(_take(classes[section], layer, section, values, chosen, origins))
+    mistakes = list(
+        _some(
+            mistake for layer in layers for mistake in _take_layer(classes, layer, chosen, origins)
+        )
+    )
     if mistakes:
         raise ConfigurationError(*mistakes)
     sections = {name: options_class(**chosen[name]) for name, options_class in classes.items()}
@@ -237,6 +307,20 @@ def resolve(classes: Mapping[str, type], layers: Sequence[Layer]) -> Settings:
         for field in option_fields(options_class):
             origins.setdefault(f"{section}.{field.name}", "default")
     return Settings(sections=sections, origins=origins)
+
+
+def _take_layer(
+    classes: Mapping[str, type],
+    layer: Layer,
+    chosen: dict[str, dict[str, Any]],
+    origins: dict[str, str],
+) -> Iterator[str]:
+    for section, values in layer.values.items():
+        if section in classes:
+            yield from _take(classes[section], layer, section, values, chosen, origins)
+        else:
+            hint = _hint(section, classes)
+            yield f"{layer.origin}: [{shortened(section)}] is not a section{hint}"
 
 
 def _take(
@@ -250,7 +334,7 @@ def _take(
     """Put the good values of one layer's section into `chosen` and yield the mistakes."""
     fields = {field.name: field for field in option_fields(options_class)}
     for key, raw in values.items():
-        where = f"{layer.origin}: [{section}] {key}"
+        where = f"{layer.origin}: [{section}] {shortened(key)}"
         field = fields.get(key)
         if field is None:
             yield f"{where} is not an option{_hint(key, fields)}"
@@ -277,13 +361,37 @@ def _convert(field: OptionField, raw: Any) -> tuple[Any, str | None]:
         return adapter.validate_python(raw), None
     except ValidationError as error:
         if field.choices:
-            return None, f"must be one of {', '.join(map(str, field.choices))}, not {raw!r}"
+            return (
+                None,
+                f"must be one of {', '.join(map(str, field.choices))}, not {shortened(repr(raw))}",
+            )
         # A union such as `float | None` reports the failure of every branch; the first one is
         # the type that the user meant to give.
         message = error.errors()[0]["msg"]
-        return None, f"is {raw!r}: {message[0].lower()}{message[1:]}"
+        return None, f"is {shortened(repr(raw))}: {message[0].lower()}{message[1:]}"
+
+
+def shortened(text: str) -> str:
+    """Cut a text from a file, and take control codes out, so that it fits into a sentence."""
+    plain = "".join(letter if letter.isprintable() else "?" for letter in text[:_LONGEST_QUOTE])
+    return plain if len(text) <= _LONGEST_QUOTE else f"{plain}..."
+
+
+def _some(mistakes: Iterable[str]) -> Iterator[str]:
+    """Give the mistakes, of very many only the first."""
+    remaining = iter(mistakes)
+    yield from itertools.islice(remaining, _MOST_MISTAKES)
+    if next(remaining, None) is not None:
+        yield f"and more: these are the first {_MOST_MISTAKES} mistakes"
+
+
+def _spelt(number: float) -> str:
+    try:
+        return f"{number:g}"
+    except OverflowError:
+        return shortened(str(number))
 
 
 def _hint(word: str, known: Mapping[str, Any]) -> str:
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1) if len(word) < _LONGEST_QUOTE else []
     return f": did you mean {close[0]}?" if close else f": known are {', '.join(known)}"

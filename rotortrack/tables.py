@@ -171,6 +171,8 @@ def conform(table: pd.DataFrame, schema: Schema, source: str) -> pd.DataFrame:
     TableError
         Required columns are missing or a column holds values of the wrong kind.
     """
+    import pandas as pd
+
     twice = table.columns[table.columns.duplicated()]
     if len(twice):
         raise TableError(f"{source} has the column {twice[0]} more than once")
@@ -182,21 +184,24 @@ def conform(table: pd.DataFrame, schema: Schema, source: str) -> pd.DataFrame:
         )
     known = [c for c in schema.columns if c.name in table.columns]
     others = [name for name in table.columns if name not in schema.dtypes]
-    converted = table[[c.name for c in known] + others].copy()
-    for column in known:
+    dtypes = schema.dtypes
+    converted = {}
+    for name in [*(c.name for c in known), *others]:
         try:
-            converted[column.name] = _cast(converted[column.name], column.dtype)
+            converted[name] = _cast(table[name], dtypes[name]) if name in dtypes else table[name]
         except (ValueError, TypeError, OverflowError) as error:
             raise TableError(
-                f"{source}: column {column.name} cannot be read as {column.dtype} ({error})"
+                f"{source}: column {name} cannot be read as {dtypes[name]} ({error})"
             ) from error
-    return converted
+    return pd.DataFrame(converted, index=table.index, copy=False)
 
 
 def _cast(values: pd.Series[Any], dtype: Any) -> pd.Series[Any]:
     """Convert without the silent losses of `astype`: 1.5 is no integer and "False" no truth."""
     import pandas as pd
 
+    if values.dtype == dtype:
+        return values
     if dtype == "bool":
         known = {True: True, False: False, "true": True, "false": False}
         words = values.map(lambda value: value.lower() if isinstance(value, str) else value)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from rotortrack.cameras.maps import read_arrays
 from rotortrack.cameras.models import MODELS
 from rotortrack.cameras.options import CameraOptions
 from rotortrack.errors import CameraError, ConfigurationError, NominalCameraWarning
@@ -60,7 +60,7 @@ class Camera:
                 raise CameraError(
                     f"{name} has shape {array.shape}: give one number or a (y, x) map"
                 )
-            bad = ~np.isfinite(array) | (wrong(array) if wrong else False)
+            bad = ~(np.abs(array) < _BEYOND_CAMERAS) | (wrong(array) if wrong else False)
             if np.any(bad):
                 raise CameraError(_fault(name, array, bad))
         if len(sizes := {size for size in self._sizes().values() if size}) > 1:
@@ -205,14 +205,17 @@ def camera_from_options(options: CameraOptions) -> Camera:
         )
     if options.camera_maps is not None:
         path = Path(options.camera_maps)
-        values = {**_load_maps(path), **given}
+        values = {**load_maps(path), **given}
         missing = [name for name in _NEEDED if name not in values]
         if missing:
             raise CameraError(
                 f"{path} lacks {', '.join(missing)}: save arrays of these names with numpy.savez, "
                 f"or give {', '.join(map(_flag, missing))}"
             )
-        return Camera(**values)
+        try:
+            return Camera(**values)
+        except CameraError as error:
+            raise CameraError(f"{path}: {error}") from error
     values = {**_model_values(options.camera_model), **given}
     missing = [name for name in _NEEDED if name not in values]
     if missing:
@@ -246,23 +249,27 @@ def _model_values(name: str | None) -> dict[str, Any]:
     return {field: getattr(model, field) for field in _FAULTS}
 
 
-def _load_maps(path: Path) -> dict[str, Any]:
-    """Load the arrays that a camera has; pickled objects are never loaded."""
-    try:
-        with path.open("rb") as stream:
-            file = np.load(stream, allow_pickle=False)
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise ValueError("it holds one array, not arrays by name")
-            maps = {name: file[name] for name in _FAULTS if name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, MemoryError) as error:
-        raise CameraError(
-            f"{path} cannot be read as camera maps ({error}): give an npz file with the arrays "
-            f"{', '.join(_NEEDED)}"
-        ) from error
-    for name, values in maps.items():
-        if values.dtype.kind not in "iuf":
-            raise CameraError(f"{path}: {name} is {values.dtype.name}: save it as numbers")
-    return {name: values.astype(np.float64)[()] for name, values in maps.items()}
+def load_maps(path: Path) -> dict[str, Any]:
+    """Load the arrays that a camera has; pickled objects are never loaded.
+
+    Parameters
+    ----------
+    path
+        An npz file.
+
+    Returns
+    -------
+    dict
+        `offset_adu`, `gain_e_per_adu`, `read_noise_e` and `saturation_adu`, those that are there,
+        each a float64 number or array.
+
+    Raises
+    ------
+    CameraError
+        The file cannot be read as arrays by name, or one of them holds no numbers or is larger than
+        a camera.
+    """
+    return dict(read_arrays(path, _FAULTS))
 
 
 def _not_positive(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -272,6 +279,9 @@ def _not_positive(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _negative(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return values < 0
 
+
+_BEYOND_CAMERAS = 1e15
+"""Photons are float32; products of numbers below this do not overflow there."""
 
 _FAULTS = {
     "offset_adu": None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,11 +96,13 @@ def gain_from_movie(
         return _none(pairs, f"the movie has {frames} frames; {2 * _FEWEST_PAIRS} are needed")
     if min(movie.shape[1:]) <= 2 * _REACH:
         return _none(pairs, "the frames are smaller than the 5 x 5 pixels of the filter")
-    mean, variance = _mean_and_variance(movie, pairs, saturation_adu)
-    if len(mean) < _FEWEST_BINS * _FEWEST_IN_BIN:
-        return _none(pairs, "too few pixels are finite and not saturated")
-    if not np.median(variance) > 0:
+    mean, variance, pairs = _mean_and_variance(movie, pairs, saturation_adu)
+    if pairs < _FEWEST_PAIRS:
         return _none(pairs, "the counts do not vary in time")
+    if len(mean) < _FEWEST_BINS * _FEWEST_IN_BIN:
+        return _none(pairs, "too few pixels are finite, alive and not saturated")
+    if not np.median(variance) > 0:
+        return _none(pairs, "hardly any count varies in time")
     noise = float(np.median(variance)) / (2 * pairs * _SHARED**2)
     if noise > (1 - _LEAST_RELIABILITY) * float(np.var(mean)):
         return _none(pairs, "all pixels are equally bright, so the variance has no range of means")
@@ -141,8 +143,11 @@ def _none(pairs: int, reason: str) -> GainEstimate:
 
 def _mean_and_variance(
     movie: Movie, pairs: int, saturation_adu: float | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Average mean and variance over the pairs, for each pixel whose surroundings are usable."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Average mean and variance over the pairs, for each pixel whose surroundings are usable.
+
+    Also gives how many pairs told of noise.
+    """
     frames, height, width = movie.shape
     sides = [min(side, _LARGEST_SIDE) for side in (height, width)]
     top, left = (height - sides[0]) // 2, (width - sides[1]) // 2
@@ -153,16 +158,29 @@ def _mean_and_variance(
     total = np.zeros(sides)
     squares = np.zeros(sides)
     usable = np.ones(sides, np.bool_)
+    alive = np.zeros(sides, np.bool_)
+    used = 0
     # At least two apart, so that no frame serves twice and all differences are independent.
     for start in np.linspace(0, frames - 2, pairs).astype(int):
-        first, second = movie.frames(int(start), int(start) + 2)[window].astype(np.float64)
+        pair = movie.frames(int(start), int(start) + 2)[window]
+        if not tells_of_noise(pair):
+            continue
+        used += 1
+        first, second = pair.astype(np.float64)
         good = np.isfinite(first) & np.isfinite(second) & (np.maximum(first, second) < limit)
         usable &= good
+        alive |= first != second
         total += np.where(good, first + second, 0.0) / 2
         squares += _filtered(np.where(good, second - first, 0.0), _KERNEL) ** 2 / 2
-    clean = ndimage.binary_erosion(usable, np.ones((len(_KERNEL),) * 2, np.bool_))
-    mean = _filtered(total, _KERNEL**2) / pairs
-    return mean[clean], squares[clean] / pairs
+    clean = ndimage.binary_erosion(usable & alive, np.ones((len(_KERNEL),) * 2, np.bool_))
+    mean = _filtered(total, _KERNEL**2) / max(used, 1)
+    return mean[clean], squares[clean] / max(used, 1), used
+
+
+def tells_of_noise(pair: NDArray[Any]) -> bool:
+    """Whether two frames tell of noise: neither is black or full, nor one the other's copy."""
+    low, high = pair.min(axis=(1, 2)), pair.max(axis=(1, 2))
+    return bool(np.all(low != high)) and not np.array_equal(pair[0], pair[1])
 
 
 def _filtered(image: NDArray[np.float64], kernel: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,26 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from rotortrack.errors import TableError
-from rotortrack.exchange.writer import check_frames, first_line
+from rotortrack.exchange.writer import check_frames, first_line, listed
 from rotortrack.tables import Schema
 
 
 def arrow_type(dtype: str) -> pa.DataType:
     """Translate a dtype name of a schema."""
     return pa.string() if dtype == "str" else pa.from_numpy_dtype(np.dtype(dtype))
+
+
+def open_file(path: Path, mode: str = "r") -> pa.OSFile:
+    """Open a file of any name; Arrow itself takes only names that are UTF-8.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mode
+        ``r`` or ``w``.
+    """
+    return pa.OSFile(os.fsencode(path), mode)
 
 
 def number_array(values: NDArray[Any]) -> pa.Array:
@@ -37,11 +51,14 @@ def fit(table: pa.Table, schema: Schema, path: Path) -> pa.Table:
     TableError
         A required column is missing or a column's values do not fit its type.
     """
-    missing = [c.name for c in schema.columns if c.required and c.name not in table.column_names]
+    names = table.column_names
+    twice = [name for name in schema.names if names.count(name) > 1]
+    if twice:
+        raise TableError(f"{path} has the column {twice[0]} more than once: remove one")
+    missing = [c.name for c in schema.columns if c.required and c.name not in names]
     if missing:
         raise TableError(
-            f"{path} lacks the {schema.name} column(s) {', '.join(missing)}: it has "
-            f"{', '.join(table.column_names) or 'none'}"
+            f"{path} lacks the {schema.name} column(s) {', '.join(missing)}: it has {listed(names)}"
         )
     for column in schema.columns:
         if column.name not in table.column_names:

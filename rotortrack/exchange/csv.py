@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,12 +17,16 @@ import pyarrow.csv as pacsv
 
 from rotortrack.errors import TableError
 from rotortrack.exchange.arrow import arrow_type, fit
+from rotortrack.exchange.csv_dialect import read_dialect
+from rotortrack.exchange.csv_stream import open_bytes
 from rotortrack.exchange.writer import first_line, require_file
 from rotortrack.files import atomic_path
 from rotortrack.tables import Schema, conform
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_DAMAGE = (OSError, EOFError, zlib.error, UnicodeDecodeError, pa.ArrowException)
 
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "'")
 """The apostrophe itself is among them so that reading undoes writing exactly."""
@@ -47,7 +52,7 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_csv(path: Path, schema: Schema) -> pd.DataFrame:
-    """Read a table that :func:`write_csv`, or a user with the same column names, wrote.
+    """Read a table that :func:`write_csv`, or a spreadsheet with the same column names, wrote.
 
     Raises
     ------
@@ -62,16 +67,25 @@ def read_csv(path: Path, schema: Schema) -> pd.DataFrame:
         for column in schema.columns
     }
     try:
-        table = pacsv.read_csv(
-            path,
-            parse_options=pacsv.ParseOptions(newlines_in_values=True),
-            convert_options=pacsv.ConvertOptions(column_types=types),
-        )
-    except (OSError, pa.ArrowException) as error:
+        dialect = read_dialect(path)
+        if not dialect.header:
+            raise TableError(f"{path} cannot be read as a CSV table of {schema.name}: it is empty")
+        with open_bytes(path) as stream:
+            table = pacsv.read_csv(
+                stream,
+                read_options=pacsv.ReadOptions(skip_rows=dialect.header_line - 1),
+                parse_options=pacsv.ParseOptions(
+                    delimiter=dialect.delimiter, newlines_in_values=True
+                ),
+                convert_options=pacsv.ConvertOptions(
+                    column_types=types, decimal_point=dialect.decimal_point
+                ),
+            )
+        frame = fit(table, schema, path).to_pandas(ignore_metadata=True)
+    except _DAMAGE as error:
         raise TableError(
             f"{path} cannot be read as a CSV table of {schema.name} ({first_line(error)})"
         ) from error
-    frame = fit(table, schema, path).to_pandas(ignore_metadata=True)
     for name in texts:
         if name in frame.columns:
             frame[name] = [cell[1:] if cell.startswith("'") else cell for cell in frame[name]]

@@ -1,23 +1,22 @@
-"""How a ThunderSTORM table is laid out: which cell holds what, in which unit, and how it is cut."""
+"""How a ThunderSTORM table is laid out: which cell holds what, and in which unit."""
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import dataclasses
-import gzip
 import io
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, cast
 
 from rotortrack.errors import TableError, TableWarning
+from rotortrack.exchange.csv_dialect import Dialect, cells_of, read_dialect
+from rotortrack.exchange.csv_stream import open_bytes
+from rotortrack.exchange.writer import listed
 
-_HEADER_BYTES = 65_536
-"""No header is longer; the rest of a binary file is not read in search of a line end."""
+_LINE_CHARACTERS = 65_536
+"""No row is longer; what is longer is looked at in pieces."""
 
 _LENGTHS = {
     "x": "x_nm",
@@ -30,6 +29,7 @@ _SIGNALS = {"intensity": "photons", "offset": "background", "bkgstd": "backgroun
 _PLAIN = {"frame": "frame", "chi2": "chi2"}
 _IGNORED = {"id", "detections"}
 _NM_PER_UNIT = {"nm": 1.0, "um": 1e3, "µm": 1e3, "μm": 1e3}
+_LONGEST_NAME = 200
 _CELL = re.compile(r"^(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
 
@@ -43,21 +43,13 @@ class Layout:
         A unique name for every cell of a row; our column's name where we read it.
     scales
         Factor from the file's unit to ours, by our column's name; frame is not among them.
-    header_line
-        Line number of the header, from 1.
-    delimiter, decimal_point, quoted
+    dialect
         How rows are cut and numbers written.
-    has_rows
-        Whether anything follows the header.
     """
 
     cell_names: list[str]
     scales: dict[str, float]
-    header_line: int
-    delimiter: str
-    decimal_point: str
-    quoted: bool
-    has_rows: bool
+    dialect: Dialect
 
     @property
     def wanted(self) -> list[str]:
@@ -82,77 +74,48 @@ class Layout:
         return frame is None or not math.isfinite(frame) or frame != round(frame)
 
     def _number(self, cells: list[str], name: str) -> float | None:
-        text = cells[self.cell_names.index(name)].strip().replace(self.decimal_point, ".")
+        text = cells[self.cell_names.index(name)].strip().replace(self.dialect.decimal_point, ".")
         try:
             return float(text or "nan")
         except ValueError:
             return None
 
 
-def open_bytes(path: Path) -> IO[bytes]:
-    """Open a table, plain or gzip-compressed by its ending."""
-    if path.suffix.lower() == ".gz":
-        return cast("IO[bytes]", gzip.open(path, "rb"))
-    return path.open("rb")
-
-
-@contextlib.contextmanager
-def create_bytes(path: Path) -> Iterator[IO[bytes]]:
-    """Create a table, plain or gzip-compressed by its ending, the same bytes at every time."""
-    with path.open("wb") as file:
-        if path.suffix.lower() != ".gz":
-            yield file
-            return
-        with gzip.GzipFile("", "wb", fileobj=file, compresslevel=4, mtime=0) as packed:
-            yield cast("IO[bytes]", packed)
-
-
-def read_layout(stream: IO[bytes], path: Path, pixel_size_nm: float | None) -> Layout:
-    """Understand the header and leave the stream at the first row.
+def read_layout(path: Path, pixel_size_nm: float | None) -> Layout:
+    """Understand the header of a table.
 
     Raises
     ------
     TableError
         Frame, x or y is missing or there twice, or a length is in an unknown unit.
     """
-    header_line = 0
-    header = b"\n"
-    while header and not header.strip(b"\xef\xbb\xbf \t\r\n"):
-        header = stream.readline(_HEADER_BYTES)
-        header_line += 1
-    text = _decode(header)
-    delimiter = max(",;\t", key=text.count)
-    start = stream.tell()
-    row = b"\n"
-    while row and not row.strip():
-        row = stream.readline(_HEADER_BYTES)
-    stream.seek(start)
-    names, scales = _understand(_cells(text, delimiter), path, pixel_size_nm)
-    return Layout(
-        cell_names=names,
-        scales=scales,
-        header_line=header_line,
-        delimiter=delimiter,
-        decimal_point="," if delimiter != "," and b"," in row else ".",
-        quoted=b'"' in row,
-        has_rows=bool(row.strip()),
-    )
+    dialect = read_dialect(path)
+    if not dialect.header:
+        raise TableError(f"{path} is empty: export the table again")
+    names, scales = _understand(dialect.header, path, pixel_size_nm)
+    return Layout(cell_names=names, scales=scales, dialect=dialect)
 
 
 def first_line_where(
-    path: Path, layout: Layout, is_wrong: Callable[[list[str]], bool]
+    path: Path, layout: Layout, is_wrong: Callable[[list[str]], bool], *, part: str = ""
 ) -> int | None:
     """Find the number, from 1, of the first line below the header whose cells are wrong.
 
-    The fast parser counts rows only when it runs on one thread; this looks once, after a fault.
+    The fast parser counts rows only when it runs on one thread; this looks once, after a fault,
+    and only at lines that hold `part`.
     """
-    with open_bytes(path) as stream:
-        for number, line in enumerate(stream, start=1):
-            text = line.decode("utf-8", errors="replace")
-            if number <= layout.header_line or not text.strip():
-                continue
-            if is_wrong(_cells(text, layout.delimiter, quoted=layout.quoted)):
+    dialect = layout.dialect
+    with io.TextIOWrapper(open_bytes(path), encoding="utf-8", errors="replace") as stream:
+        number = 1
+        while line := stream.readline(_LINE_CHARACTERS):
+            if (
+                number > dialect.header_line
+                and part in line
+                and line.strip()
+                and is_wrong(cells_of(line, dialect.delimiter, quoted=dialect.quoted))
+            ):
                 return number
+            number += line.endswith("\n")
     return None
 
 
@@ -161,15 +124,16 @@ def _understand(
 ) -> tuple[list[str], dict[str, float]]:
     """Give every cell a name and every length a factor; say what is not used."""
     names: list[str] = []
+    taken: set[str | None] = set()
     scales: dict[str, float] = {}
     unknown: list[str] = []
     in_adu: list[str] = []
     for index, cell in enumerate(cells):
-        parts = _CELL.match(cell)
+        parts = _CELL.match(cell) if len(cell) <= _LONGEST_NAME else None
         name = parts["name"].lower() if parts else ""
         unit = (parts["unit"] or "").strip() if parts else ""
         column = _LENGTHS.get(name) or _SIGNALS.get(name) or _PLAIN.get(name)
-        if column in names:
+        if column in taken:
             raise TableError(f"{path} has two columns for {column}: remove one, such as {cell!r}")
         if name in _SIGNALS and unit.lower() not in ("photon", "photons"):
             in_adu.append(cell)
@@ -177,15 +141,18 @@ def _understand(
         elif column is None and name not in _IGNORED:
             unknown.append(cell)
         names.append(column or f"cell {index}")
+        if column is not None:
+            taken.add(column)
         if column is not None and name in _LENGTHS:
             scales[column] = _nm_per(unit, cell, path, pixel_size_nm)
         elif column is not None and column != "frame":
             scales[column] = 1.0
-    missing = [name for name in ("frame", "x_nm", "y_nm") if name not in names]
+    missing = [name for name in ("frame", "x_nm", "y_nm") if name not in taken]
     if missing:
         wanted = ", ".join(_HEADER_OF[name] for name in missing)
-        found = ", ".join(repr(cell[:40]) for cell in cells[:12])
-        raise TableError(f"{path} is no ThunderSTORM table: it lacks {wanted}; found {found}")
+        raise TableError(
+            f"{path} is no ThunderSTORM table: it lacks {wanted}; found {listed(cells)}"
+        )
     _warn_of(unknown, in_adu, path)
     return names, scales
 
@@ -198,7 +165,7 @@ def _nm_per(unit: str, cell: str, path: Path, pixel_size_nm: float | None) -> fl
         return _NM_PER_UNIT[unit.lower()]
     if unit.lower() not in ("px", "pixel", "pixels"):
         raise TableError(
-            f"{path}: column {cell!r} has {'the unknown unit ' + unit if unit else 'no unit'}; "
+            f"{path}: column {cell!r} has {f'the unknown unit {unit!r}' if unit else 'no unit'}; "
             "write [nm], [um] or [px] behind its name"
         )
     if pixel_size_nm is None:
@@ -211,35 +178,14 @@ def _nm_per(unit: str, cell: str, path: Path, pixel_size_nm: float | None) -> fl
 def _warn_of(unknown: list[str], in_adu: list[str], path: Path) -> None:
     if unknown:
         warnings.warn(
-            f"{path}: the column(s) {', '.join(map(repr, unknown))} were left out, as nothing here "
-            "uses them",
+            f"{path}: the column(s) {listed(unknown)} were left out, as nothing here uses them",
             TableWarning,
             stacklevel=6,
         )
     if in_adu:
         warnings.warn(
-            f"{path}: the column(s) {', '.join(map(repr, in_adu))} are not in photons and were "
+            f"{path}: the column(s) {listed(in_adu)} are not in photons and were "
             "left out; export them in photons if they are needed",
             TableWarning,
             stacklevel=6,
         )
-
-
-def _decode(line: bytes) -> str:
-    """Decode a header; older exports write the micro sign in Latin-1."""
-    try:
-        return line.decode("utf-8-sig").strip()
-    except UnicodeDecodeError:
-        return line.decode("latin-1").strip()
-
-
-def _cells(line: str, delimiter: str, *, quoted: bool = True) -> list[str]:
-    line = line.rstrip("\r\n")
-    if not quoted:
-        return line.split(delimiter)
-    try:
-        cells = next(csv.reader(io.StringIO(line), delimiter=delimiter), [])
-    except csv.Error:
-        # A NUL byte or an endless cell: no table of numbers, and no line of the right length.
-        return [line]
-    return [cell.strip().strip("'`").strip() for cell in cells]

@@ -17,7 +17,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rotortrack.errors import TableError
-from rotortrack.exchange.arrow import fit
+from rotortrack.exchange.arrow import fit, open_file
+from rotortrack.exchange.limits import check_fits_memory, check_holds_rows
 from rotortrack.exchange.row_groups import METADATA_KEY, open_row_groups
 from rotortrack.exchange.writer import (
     BLOCK_ROWS,
@@ -29,6 +30,7 @@ from rotortrack.exchange.writer import (
     positive_count,
     positive_number,
     require_file,
+    slices,
 )
 from rotortrack.tables import LOCALISATIONS, Schema, conform, schema_metadata
 
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MOVIE = ("pixel_size_nm", "frame_interval_s", "frames", "height_px", "width_px")
+
+_CELL_BYTES = 8
 
 _DAMAGE = (
     pa.ArrowException,
@@ -65,9 +69,17 @@ def read_table(path: Path, schema: Schema) -> pd.DataFrame:
     ------
     TableError
         The file is not whole Parquet, lacks required columns, or holds values of the wrong kind.
+    ResourceError
+        The memory of this computer cannot hold the table.
     """
     with _open(path) as file:
-        table = fit(file.read(_plain_columns(file.schema_arrow)), schema, path)
+        names = _plain_columns(file.schema_arrow)
+        metadata = file.metadata
+        groups = map(metadata.row_group, range(metadata.num_row_groups))
+        declared_bytes = sum(group.total_byte_size for group in groups)
+        held_bytes = metadata.num_rows * len(names) * _CELL_BYTES
+        check_fits_memory(path, metadata.num_rows, max(held_bytes, declared_bytes))
+        table = fit(file.read(names), schema, path)
     return conform(table.to_pandas(ignore_metadata=True), schema, str(path))
 
 
@@ -86,7 +98,9 @@ def write_table(
     table = conform(table, schema, f"the table for {path}")
     columns = {str(name): table[name].to_numpy() for name in table.columns}
     with open_row_groups(path, schema, schema_metadata(schema, provenance)) as writer:
-        writer.append(columns)
+        # Text of an unknown column shows its type only in the table as a whole.
+        for block in slices(columns) if columns.keys() <= schema.dtypes.keys() else [columns]:
+            writer.append(block)
 
 
 @contextlib.contextmanager
@@ -148,7 +162,11 @@ def _open(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a Parquet file and turn whatever a damaged one raises into one sentence."""
     require_file(path)
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with (
+            open_file(path) as source,
+            pq.ParquetFile(source, page_checksum_verification=True) as file,
+        ):
+            check_holds_rows(path, file.metadata.num_rows)
             yield file
     except _DAMAGE as error:
         raise TableError(
@@ -171,3 +189,9 @@ def _to_columns(table: pa.Table) -> Columns:
         for column in LOCALISATIONS.columns
         if column.name in table.column_names
     }
+
+
+def count_rows(path: Path) -> int:
+    """Count the rows of a Parquet file without reading them."""
+    with _open(path) as file:
+        return int(file.metadata.num_rows)

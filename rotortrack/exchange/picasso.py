@@ -9,6 +9,7 @@ Layout after the files that Picasso writes (J. Schnitzbauer et al., Nat. Protoc.
 from __future__ import annotations
 
 import contextlib
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from rotortrack.exchange.writer import (
     check_frames,
     empty_columns,
     first_line,
+    listed,
     require_file,
     to_dtype,
 )
@@ -38,6 +40,9 @@ _HALF_PIXEL = 0.5
 _SIGNALS = {"photons": "photons", "bg": "background"}
 _LENGTHS = {"lpx": "x_sd_nm", "lpy": "y_sd_nm"}
 _READ = ("frame", "x", "y", "sx", "sy", "group", *_SIGNALS, *_LENGTHS)
+_LARGEST_CHUNK_BYTES = 256_000_000
+"""A chunk is unpacked as a whole, whatever is wanted of it."""
+
 _MOST_EXPANSION = 2_000
 """Deflate packs at most 1032 to one; more declared than that was never written."""
 
@@ -93,12 +98,13 @@ def open_writer(path: Path, info: TableInfo) -> Iterator[LocalisationWriter]:
             f"{path} needs the pixel size, as Picasso counts in pixels: give --pixel-size-nm"
         )
     h5py, _ = load_optional("h5py"), load_optional("yaml")
-    with atomic_path(path) as temporary:
-        with h5py.File(temporary, "w") as file:
-            writer = _Writer(path, file, info.pixel_size_nm)
+    with atomic_path(path) as temporary, _Disk(temporary, "w+") as disk:
+        with h5py.File(disk, "w") as file:
+            writer = _Writer(path, file, info.pixel_size_nm, disk)
             yield writer
             if writer.dataset is None:
                 writer.append(empty_columns())
+        disk.check()
         # The YAML file appears first, so that a new table never stands without its pixel size.
         with atomic_path(path.with_suffix(".yaml")) as sidecar:
             write_documents(
@@ -161,9 +167,40 @@ def _to_picasso(columns: Columns, pixel_size_nm: float) -> dict[str, NDArray[Any
     return fields
 
 
+class _Disk(io.FileIO):
+    """A file that keeps its failures to itself until it is asked.
+
+    HDF5 cannot be closed when the disk is full, and brings the process down with it.
+    """
+
+    _failure: OSError | None = None
+
+    def check(self) -> None:
+        """Raise what went wrong."""
+        if self._failure is not None:
+            raise self._failure
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data).cast("B")
+        try:
+            while self._failure is None and rest:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self._failure = error
+        return memoryview(data).nbytes
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self._failure = self._failure or error
+            return size or 0
+
+
 class _Writer:
-    def __init__(self, path: Path, file: Any, pixel_size_nm: float) -> None:
+    def __init__(self, path: Path, file: Any, pixel_size_nm: float, disk: _Disk) -> None:
         self._file = file
+        self._disk = disk
         self._pixel_size_nm = pixel_size_nm
         self._same = SameColumns(path)
         self.dataset: Any = None
@@ -184,6 +221,7 @@ class _Writer:
         written = len(self.dataset)
         self.dataset.resize(written + added, axis=0)
         self.dataset[written:] = rows
+        self._disk.check()
         self.frames = max(self.frames, _extent(rows["frame"]))
         self.width_px = max(self.width_px, _extent(rows["x"] + _HALF_PIXEL))
         self.height_px = max(self.height_px, _extent(rows["y"] + _HALF_PIXEL))
@@ -200,14 +238,13 @@ def _dataset(h5py: Any, file: Any, path: Path) -> Any:
     link = file.get("locs", getlink=True) if "locs" in file else None
     table = file["locs"] if isinstance(link, h5py.HardLink) else None
     if not isinstance(table, h5py.Dataset) or table.ndim != 1:
-        found = ", ".join(map(repr, file)) or "nothing"
-        raise TableError(f"{path} holds no Picasso table named locs: it holds {found}")
+        raise TableError(f"{path} holds no Picasso table named locs: it holds {listed(file)}")
     names = table.dtype.names or ()
     missing = [name for name in ("frame", "x", "y") if name not in names]
     if missing:
         raise TableError(
             f"{path}: the dataset locs lacks {', '.join(missing)}; it has "
-            f"{', '.join(names) or 'no named columns'}"
+            f"{listed(names) if names else 'no named columns'}"
         )
     odd = [name for name in _READ if name in names and table.dtype[name].kind not in "iuf"]
     if odd:
@@ -216,4 +253,9 @@ def _dataset(h5py: Any, file: Any, path: Path) -> Any:
         raise TableError(f"{path}: the dataset locs lies in other files; copy it into one file")
     if table.nbytes > _MOST_EXPANSION * max(table.id.get_storage_size(), 4096):
         raise TableError(f"{path}: the dataset locs declares {len(table)} rows but stores fewer")
+    if table.chunks and table.chunks[0] * table.dtype.itemsize > _LARGEST_CHUNK_BYTES:
+        raise TableError(
+            f"{path}: the dataset locs is stored in chunks of {table.chunks[0]} rows, which cannot "
+            "be read piece by piece: save it again with smaller chunks"
+        )
     return table

@@ -14,12 +14,30 @@ from typing import Any
 from rotortrack.errors import ConfigurationError, MetadataWarning, TableError
 from rotortrack.exchange.writer import TableInfo, first_line, positive_count, positive_number
 
-_MAXIMUM_BYTES = 16_000_000
-"""A sidecar holds some kB; Micro-Manager's metadata may make it some 100 kB."""
+_MAXIMUM_BYTES = 500_000
+"""A sidecar holds some kB; Micro-Manager's metadata may make it some 100 kB. YAML is slow to read:
+this takes a second."""
+
+_MAXIMUM_DIGITS = 100
+"""Reading a number of n digits takes n squared steps."""
+
+_MAXIMUM_DEPTH = 20
+"""Each bracket that is open makes the reading of every word slower."""
 
 _MAXIMUM_TEXT = 1_000
 _MAXIMUM_KEYS = 100
 """What is carried over from foreign metadata into ours."""
+
+_DAMAGE = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    OSError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""What the YAML package raises, beside its own errors, for values that their tags do not fit."""
 
 _FRAME_INTERVAL = "Frame interval (s)"
 
@@ -50,11 +68,14 @@ def read_documents(path: Path) -> list[dict[str, Any]]:
     if not sidecar.is_file():
         return []
     if sidecar.stat().st_size > _MAXIMUM_BYTES:
-        raise TableError(f"{sidecar} is larger than 16 MB: it is no Picasso sidecar")
+        raise TableError(
+            f"{sidecar} is larger than {_MAXIMUM_BYTES // 1000} kB, as no Picasso sidecar is: move "
+            "it away and give --pixel-size-nm"
+        )
     try:
         with sidecar.open(encoding="utf-8") as stream:
             documents = list(yaml.load_all(stream, Loader=_loader(yaml)))
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError, OSError) as error:
+    except (yaml.YAMLError, *_DAMAGE) as error:
         raise TableError(
             f"{sidecar} cannot be read as plain YAML ({first_line(error)}): correct it, or remove "
             "it and give --pixel-size-nm"
@@ -136,14 +157,28 @@ def load_optional(name: str) -> Any:
 
 
 def _loader(yaml: Any) -> Any:
-    """Build the safe loader without merge keys, which can swell a small file without bound."""
+    """Build the safe loader without what can exhaust time or memory: merge keys, huge numbers."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        def fetch_flow_collection_start(self, token_class: Any) -> None:
+            if self.flow_level >= _MAXIMUM_DEPTH:
+                raise yaml.YAMLError(f"brackets within {_MAXIMUM_DEPTH} others are not accepted")
+            super().fetch_flow_collection_start(token_class)
+
+        def construct_scalar(self, node: Any) -> Any:
+            value = super().construct_scalar(node)
+            if len(value) > _MAXIMUM_DIGITS and node.tag in _NUMBERS:
+                raise yaml.YAMLError(f"a number of {len(value)} digits is not accepted")
+            return value
+
         def flatten_mapping(self, node: Any) -> None:
             if any(key.tag == "tag:yaml.org,2002:merge" for key, _ in node.value):
                 raise yaml.YAMLError("merge keys are not accepted")
 
     return Loader
+
+
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 def _latest(documents: list[dict[str, Any]], key: str) -> object:

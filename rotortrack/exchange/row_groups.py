@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rotortrack.errors import TableError
-from rotortrack.exchange.arrow import arrow_type, number_array
+from rotortrack.exchange.arrow import arrow_type, number_array, open_file
 from rotortrack.exchange.writer import BLOCK_ROWS, Columns, SameColumns, first_line
 from rotortrack.files import atomic_path
 from rotortrack.tables import Schema
@@ -33,6 +33,7 @@ class RowGroupWriter:
         self._schema = schema
         self._same = SameColumns(path, schema)
         self._metadata = {METADATA_KEY: json.dumps(metadata, default=_json_value)}
+        self._target: pa.OSFile | None = None
         self._file: pq.ParquetWriter | None = None
         self._pending: list[pa.Table] = []
         self._rows = 0
@@ -49,7 +50,8 @@ class RowGroupWriter:
         names += [name for name in columns if name not in self._schema.dtypes]
         table = pa.table({name: self._array(name, columns[name]) for name in names})
         if self._file is None:
-            self._file = _create(self._temporary, table.schema.with_metadata(self._metadata))
+            self._target = open_file(self._temporary, "w")
+            self._file = _create(self._target, table.schema.with_metadata(self._metadata))
         self._pending.append(table.cast(self._file.schema))
         self._rows += table.num_rows
         while self._rows >= BLOCK_ROWS:
@@ -63,8 +65,12 @@ class RowGroupWriter:
 
     def abandon(self) -> None:
         """Let go of the file as it is."""
-        if self._file is not None:
-            self._file.close()
+        try:
+            if self._file is not None:
+                self._file.close()
+        finally:
+            if self._target is not None:
+                self._target.close()
 
     def _write(self, rows: int) -> None:
         gathered = pa.concat_tables(self._pending)
@@ -106,7 +112,7 @@ def open_row_groups(
             raise
 
 
-def _create(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+def _create(target: pa.OSFile, schema: pa.Schema) -> pq.ParquetWriter:
     encodings = {}
     for column in schema:
         if pa.types.is_floating(column.type):
@@ -114,7 +120,7 @@ def _create(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
         elif pa.types.is_integer(column.type):
             encodings[column.name] = "DELTA_BINARY_PACKED"
     return pq.ParquetWriter(
-        path,
+        target,
         schema,
         compression="zstd",
         use_dictionary=False,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from rotortrack.errors import TableError
+from rotortrack.exchange.limits import check_fits_memory
 from rotortrack.exchange.writer import (
     Columns,
     LocalisationWriter,
@@ -57,6 +58,8 @@ def read_localisations(path: Path, *, pixel_size_nm: float | None = None) -> pd.
         of unknown size.
     ConfigurationError
         The format needs an optional package that is not installed.
+    ResourceError
+        The memory of this computer cannot hold the table.
     """
     import pandas as pd
 
@@ -64,7 +67,13 @@ def read_localisations(path: Path, *, pixel_size_nm: float | None = None) -> pd.
         from rotortrack.exchange import parquet
 
         return parquet.read_table(path, LOCALISATIONS)
-    blocks = list(read_blocks(path, pixel_size_nm=pixel_size_nm))
+    blocks = []
+    rows = size_bytes = 0
+    for block in read_blocks(path, pixel_size_nm=pixel_size_nm):
+        blocks.append(block)
+        rows += len(block["frame"])
+        size_bytes += sum(values.nbytes for values in block.values())
+        check_fits_memory(path, rows, size_bytes)
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return conform(pd.DataFrame(columns), LOCALISATIONS, str(path))
 
@@ -72,7 +81,7 @@ def read_localisations(path: Path, *, pixel_size_nm: float | None = None) -> pd.
 def read_blocks(path: Path, *, pixel_size_nm: float | None = None) -> Iterator[Columns]:
     """Yield the known columns of a table block by block, at least one block.
 
-    A CSV table comes as a whole, as its smallest frame tells whether it counts from 1.
+    Memory does not grow with the rows.
     """
     match _format(path):
         case "parquet":
@@ -86,7 +95,7 @@ def read_blocks(path: Path, *, pixel_size_nm: float | None = None) -> Iterator[C
         case "thunderstorm":
             from rotortrack.exchange import thunderstorm
 
-            yield thunderstorm.read_columns(path, pixel_size_nm=pixel_size_nm)
+            yield from thunderstorm.read_blocks(path, pixel_size_nm=pixel_size_nm)
 
 
 def open_writer(path: Path, info: TableInfo) -> AbstractContextManager[LocalisationWriter]:
@@ -159,7 +168,7 @@ def convert(source: Path, target: Path, *, pixel_size_nm: float | None = None) -
 
     Notes
     -----
-    Parquet and Picasso tables pass block by block, a CSV source is held in memory.
+    The table passes block by block, whatever its size.
     """
     info = read_info(source)
     info = dataclasses.replace(

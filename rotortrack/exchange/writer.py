@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -18,6 +19,8 @@ Columns = Mapping[str, NDArray[Any]]
 
 BLOCK_ROWS = 131_072
 """Rows handled at once: about 10 MB of localisations, and one row group of a Parquet file."""
+
+_LONGEST_CAUSE = 200
 
 BASE_COLUMNS = tuple(column for column in LOCALISATIONS.columns if column.name != "rotor")
 """Columns of a file to which no block was ever given: those of spots before clustering."""
@@ -152,4 +155,13 @@ def check_frames(frame: NDArray[np.int64], path: Path) -> None:
 
 def first_line(error: BaseException) -> str:
     """Return the first line of a foreign error's text, for a sentence of ours."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+    line = (str(error).strip().splitlines() or [type(error).__name__])[0][:_LONGEST_CAUSE]
+    # Control codes of a damaged file would reach the terminal.
+    return "".join(letter if letter.isprintable() else "?" for letter in line)
+
+
+def listed(names: Iterable[object], most: int = 8) -> str:
+    """Name the columns of a foreign file in a sentence: quoted, shortened, not all of many."""
+    texts = list(map(str, itertools.islice(names, most + 1)))
+    shown = ", ".join(repr(text if len(text) <= 40 else f"{text[:40]}...") for text in texts[:most])
+    return f"{shown}, ..." if len(texts) > most else shown or "nothing"

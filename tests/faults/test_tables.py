@@ -217,7 +217,7 @@ def test_metadata_of_a_foreign_parquet_that_is_no_json_is_refused(tmp_path: Path
 def test_a_csv_of_nothing_but_bad_rows_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text("frame,x [nm],y [nm]\n" + "1,2,5,3,5\n" * 1000)
-    refused(path, r"1000 row\(s\) .* no row can be read")
+    refused(path, r"1000 row\(s\) .* only 0 can be read")
 
 
 def test_a_damaged_gzip_file_is_refused(tmp_path: Path) -> None:

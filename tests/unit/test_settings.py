@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import tracemalloc
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,10 +193,69 @@ def test_a_broken_file_is_named(tmp_path: Path, content: bytes, part: str) -> No
     assert part in str(caught.value)
 
 
-def test_a_missing_file_or_a_folder_is_named(tmp_path: Path) -> None:
-    for path in (tmp_path / "absent.toml", tmp_path):
-        with pytest.raises(ConfigurationError, match="cannot be read"):
+def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.toml"
+    os.mkfifo(pipe)
+    for path in (tmp_path, pipe):
+        with pytest.raises(ConfigurationError, match="is not a file"):
             read_toml(path)
+    for name in ("absent.toml", "a\0b"):
+        with pytest.raises(ConfigurationError, match="cannot be read"):
+            read_toml(tmp_path / name)
+
+
+def test_a_file_too_large_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "movie.toml"
+    with path.open("wb") as file:
+        file.truncate(100_000_000)
+    tracemalloc.start()
+    with pytest.raises(ConfigurationError, match="larger than 1 MB"):
+        read_toml(path)
+    assert tracemalloc.get_traced_memory()[1] < 5e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        ("x=" + "[" * 100_000, "nested more deeply"),
+        ("x=" + "{a=" * 5_000, "nested more deeply"),
+        ("[stage]\n" + ".".join("a" * 100_000) + "=1", "more than 50 dots in line 2"),
+        ("[stage]\ncount = " + "9" * 5_000, "not valid TOML"),
+        ("[stage]\nmethod = '\x00'", "not valid TOML"),
+        ("[[stage]]\ncount = 3", "array of them"),
+        ("\n".join(f"a{i} = 1" for i in range(50_000)), "and more: these are the first 20"),
+    ],
+    ids=["brackets", "braces", "dots", "digits", "nul", "array", "many"],
+)
+def test_toml_made_to_exhaust_the_parser_is_refused_at_once(
+    tmp_path: Path, content: str, part: str
+) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text(content)
+    with pytest.raises(ConfigurationError) as caught:
+        read_toml(path)
+    assert part in str(caught.value)
+    assert len(str(caught.value)) < 5_000
+
+
+def test_very_many_mistakes_are_cut_and_long_values_shortened() -> None:
+    many = mistakes(layer("x", **{f"option_{i}": 1 for i in range(3_000)}))
+    assert len(many) == 21
+    assert many[-1] == "and more: these are the first 20 mistakes"
+    (one,) = mistakes(layer("x", count=list(range(100_000))))
+    assert len(one) < 300
+    (one,) = mistakes(layer("x", **{"a\x1b[31m" * 1_000: 1}))
+    assert len(one) < 400
+    assert one.isprintable()
+
+
+@pytest.mark.parametrize("number", [10**400, -(10**400), 2**63])
+def test_whole_numbers_that_no_array_holds_are_refused(number: int) -> None:
+    for name in ("count", "frames"):
+        raw = [0, number] if name == "frames" else number
+        (mistake,) = mistakes(layer("x", **{name: raw}))
+        assert len(mistake) < 300
 
 
 def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:

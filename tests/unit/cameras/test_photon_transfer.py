@@ -90,7 +90,11 @@ def test_saturated_and_missing_pixels_are_left_out() -> None:
     [
         (expose(ramp(15), 1), "15 frames"),
         (ArrayMovie(expose(ramp(20), 1).frames(0, 20)[:, :4]), "smaller than"),
-        (ArrayMovie(np.full((20, 30, 30), 65535, np.uint16)), "not saturated"),
+        (ArrayMovie(np.full((20, 30, 30), 65535, np.uint16)), "do not vary"),
+        (
+            ArrayMovie(np.minimum(expose(ramp(20), 1).frames(0, 20) * 600.0, 65535).astype("u2")),
+            "not saturated",
+        ),
         (ArrayMovie(np.full((20, 30, 30), 100, np.uint16)), "do not vary"),
         (expose(np.full((60, *SHAPE), 20.0), 1), "equally bright"),
     ],
@@ -100,6 +104,14 @@ def test_what_does_not_determine_the_gain_gives_a_reason(movie: ArrayMovie, reas
     assert math.isnan(found.gain_e_per_adu)
     assert found.reason is not None
     assert reason in found.reason
+
+
+def test_dead_pixels_and_black_or_repeated_frames_do_not_bias_the_gain() -> None:
+    counts = expose(ramp(120), 4).frames(0, 120).copy()
+    counts[:, :, 30] = 60
+    counts[[10, 43, 44, 77]] = 0
+    counts[21::12] = counts[20::12]
+    assert gain_from_movie(ArrayMovie(counts)).gain_e_per_adu == pytest.approx(GAIN, rel=0.06)
 
 
 def test_noise_that_does_not_grow_with_the_mean_gives_a_reason() -> None:

@@ -55,5 +55,5 @@ def test_an_empty_number_is_nan_and_a_large_frame_is_not_rounded() -> None:
 
 
 def test_missing_columns_are_named_beside_those_there() -> None:
-    with pytest.raises(TableError, match=r"lacks the tracks column\(s\) rotor, y_nm.* frame, x_nm"):
+    with pytest.raises(TableError, match=r"column\(s\) rotor, y_nm.* 'frame', 'x_nm'"):
         fit(pa.table({"frame": [1], "x_nm": [1.0]}), TRACKS, Path("tracks.parquet"))
