@@ -195,10 +195,11 @@ def format_table(header: Sequence[str], rows: Sequence[Sequence[object]], width:
 
 
 def _cell(value: object) -> str:
-    if value is None or (isinstance(value, Real) and not math.isfinite(value)):
+    if value is None:
         return "-"
+    # Whole numbers may be too large for a float.
     if isinstance(value, Real) and not isinstance(value, Integral):
-        return f"{float(value):.4g}"
+        return f"{float(value):.4g}" if math.isfinite(value) else "-"
     return one_line(str(value))
 
 

@@ -6,9 +6,11 @@ metadata, preset, configuration, flags) are merged.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import re
 import tomllib
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,8 +19,9 @@ from typing import Any, TypeVar
 
 import click
 
+from rotortrack.errors import ProtocolWarning
 from rotortrack.pipeline.presets import PRESETS, SECTIONS, preset_layer
-from rotortrack.settings import Layer, option_fields, read_toml, resolve
+from rotortrack.settings import Layer, option_fields, parse_toml, read_content, resolve
 from rotortrack_cli.console import Console
 from rotortrack_cli.stage_option import Flag
 
@@ -154,7 +157,7 @@ def gather(given: Given) -> list[Layer]:
     if given.preset is not None:
         layers.append(preset_layer(given.preset))
     if given.config is not None:
-        layers.append(Layer(f"config {given.config}", _read_config(given.config)))
+        layers.append(_read_config(given.config))
     if assignments:
         layers.append(Layer("--set", assignments))
     if given.flags:
@@ -163,15 +166,29 @@ def gather(given: Given) -> list[Layer]:
     return layers
 
 
-def _read_config(path: Path) -> dict[str, dict[str, Any]]:
-    """Read a configuration; files that it names lie where it lies."""
-    values = read_toml(path)
+def _read_config(path: Path) -> Layer:
+    """Read a configuration, in TOML or as ThunderSTORM's protocol; its content tells which.
+
+    Files that it names lie where it lies.
+    """
+    from rotortrack.exchange.thunderstorm_protocol import is_protocol, read_protocol
+
+    content = read_content(path)
+    if is_protocol(content):
+        protocol = read_protocol(content, path)
+        for sentence in protocol.left_out:
+            warnings.warn(f"protocol {path.name}: {sentence}", ProtocolWarning, stacklevel=2)
+        return Layer(f"protocol {path.name}", protocol.values)
+    values = parse_toml(content, path)
     maps = values.get("camera", {}).get("camera_maps")
     if isinstance(maps, str):
-        values["camera"]["camera_maps"] = str((path.parent / maps).resolve())
-    return values
+        # A name with a NUL is no name; the reader of the maps says so.
+        with contextlib.suppress(ValueError, OSError, RuntimeError):
+            values["camera"]["camera_maps"] = str((path.parent / maps).resolve())
+    return Layer(f"config {path}", values)
 
 
+_LONGEST_VALUE = 1_000
 _ASSIGNMENT = re.compile(r"\s*(\w+)\.(\w+)\s*=\s*(\S.*)", re.DOTALL)
 
 
@@ -193,8 +210,8 @@ def _parse_assignments(texts: tuple[str, ...]) -> dict[str, dict[str, Any]]:
 def _toml_value(text: str) -> Any:
     """Read a TOML value; a word without quotes, which TOML does not know, is itself."""
     try:
-        content = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+        content = tomllib.loads(f"value = {text}") if len(text) <= _LONGEST_VALUE else {}
+    except (ValueError, RecursionError):
         return text
     # A line break would let the text hold further keys.
     return content["value"] if len(content) == 1 else text
@@ -202,7 +219,11 @@ def _toml_value(text: str) -> Any:
 
 _COMMON = (
     click.option(
-        "--config", "-c", type=FILE, metavar="CONFIG.toml", help="Options of all stages, in TOML."
+        "--config",
+        "-c",
+        type=FILE,
+        metavar="CONFIG.toml",
+        help="Options of all stages, in TOML or as ThunderSTORM's protocol.",
     ),
     click.option(
         "--preset",

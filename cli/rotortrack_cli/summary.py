@@ -49,7 +49,7 @@ def _show(console: Console, result: Result, seconds: float) -> None:
     rotors = result.rotors
     kept = rotors[rotors["verdict"] == "kept"]
     lines = [
-        f"frames            {counts.get('frames', 'unknown')}",
+        f"frames            {_frames(counts)}",
         f"spots             {_spots(counts)}",
     ]
     lines.append(f"rotors            {len(rotors)} found, {len(kept)} kept")
@@ -73,6 +73,14 @@ def _show(console: Console, result: Result, seconds: float) -> None:
         if len(kept) > ROTORS_SHOWN:
             console.text(f"... and {len(kept) - ROTORS_SHOWN} more in rotors.csv")
     console.text(f"\n{seconds:.1f} s; results in {result.folder.path}")
+
+
+def _frames(counts: dict[str, Any]) -> str:
+    text = str(counts.get("frames", "unknown"))
+    for name, word in (("missing_frames", "cut off"), ("dropped_frames", "dropped by the camera")):
+        if counts.get(name):
+            text += f"; {counts[name]} {word}"
+    return text
 
 
 def _spots(counts: dict[str, Any]) -> str:

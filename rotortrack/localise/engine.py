@@ -7,9 +7,11 @@ the last bit.
 
 from __future__ import annotations
 
+import functools
+import pickle
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -78,6 +80,7 @@ def localise(
     workers: int | None = None,
     block_frames: int | None = None,
     executor: Executor | None = None,
+    spans: Sequence[tuple[int, int]] | None = None,
 ) -> Iterator[Block]:
     """Find and fit the spots of a movie.
 
@@ -92,11 +95,14 @@ def localise(
     pixel_size_nm
         Pixel size (nm).
     workers
-        Threads; all processors when not given.
+        Threads, or workers of the executor; all processors when not given.
     block_frames
         Frames a block; chosen for bounded memory when not given.
     executor
-        A thread executor to use instead of own threads.
+        Any executor to use instead of own threads, such as `parallel.process_pool`. Processes
+        open the movie's file themselves; a movie in memory would go to them whole with every block.
+    spans
+        Ranges of frames (start, and stop excluded) to localise; all frames when not given.
 
     Yields
     ------
@@ -111,6 +117,8 @@ def localise(
         A frame is smaller than the fit window, or cannot be read.
     CameraError
         Camera maps do not fit the frames.
+    ResourceError
+        A worker process was killed.
     """
     frames, height, width = movie.shape
     window = 2 * options.fit_radius_px + 1
@@ -125,7 +133,9 @@ def localise(
     if block_frames is None:
         block_frames = int(np.clip(BLOCK_PIXELS // (height * width), 1, 64))
     blocks = [
-        (start, min(start + block_frames, frames)) for start in range(0, frames, block_frames)
+        (start, min(start + block_frames, last))
+        for first, last in ([(0, frames)] if spans is None else spans)
+        for start in range(first, last, block_frames)
     ]
     try:
         yield from parallel.map_ordered(
@@ -181,6 +191,13 @@ class _Worker:
         self._variance = np.atleast_2d(np.asarray(camera.variance_e2, np.float32))
         self._own = threading.local()
         self._opened: list[Movie] = []
+
+    @functools.cached_property
+    def _content(self) -> bytes:
+        return pickle.dumps((self._movie, self._camera, self._options, self._pixel_size_nm))
+
+    def __reduce__(self) -> tuple[Callable[[bytes], _Sent], tuple[bytes]]:
+        return _Sent, (self._content,)
 
     def close(self) -> None:
         for movie in self._opened:
@@ -273,6 +290,12 @@ class _Worker:
             for j in reach:
                 flags[saturated[frame, row + i, column + j]] |= FitFlag.SATURATED
 
+    def _frame_numbers(self, start: int, frames: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Give the numbers of frames of a block; dropped frames have theirs, too."""
+        places = frames.astype(np.int64) + start
+        numbers = self._movie.numbers
+        return places + self._movie.first_frame if numbers is None else numbers[places]
+
     def _columns(
         self,
         start: int,
@@ -298,7 +321,7 @@ class _Worker:
                 pixel_size_nm=size,
             )
         values = {
-            "frame": candidates[kept, 0] + start + self._movie.first_frame,
+            "frame": self._frame_numbers(start, candidates[kept, 0]),
             "x_nm": (fitted["x_px"] + x0) * size,
             "y_nm": (fitted["y_px"] + y0) * size,
             "photons": fitted["photons"],
@@ -314,3 +337,19 @@ class _Worker:
             "channel": np.zeros(int(kept.sum())),
         }
         return {name: value.astype(LOCALISATIONS.dtypes[name]) for name, value in values.items()}
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A worker on its way to another process: what cannot be opened there fails the block."""
+
+    content: bytes
+
+    def __call__(self, frames: tuple[int, int]) -> Block:
+        return _unpack(self.content)(frames)
+
+
+@functools.lru_cache(maxsize=1)
+def _unpack(content: bytes) -> _Worker:
+    """Make the worker of a process: once, though it is sent with every block."""
+    return _Worker(*pickle.loads(content))  # noqa: S301 (from the parent process)

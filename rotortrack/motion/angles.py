@@ -132,13 +132,11 @@ def build_tracks(
     """
     if "rotor" not in localisations.columns:
         raise TableError("the localisations lack the column rotor: cluster them first")
-    rows = _usable(localisations)
     circles = rotors.set_index("rotor")[["x_nm", "y_nm"]]
     circles["radius_nm"] = fitted_radius(rotors).to_numpy()
     circles = circles[circles["radius_nm"].notna()]
-    rows = rows[rows["rotor"].isin(circles.index)].sort_values(["rotor", "frame"])
-    rotor = rows["rotor"].to_numpy("int64")
-    frame = rows["frame"].to_numpy("int64")
+    rows = _usable(localisations, circles.index.to_numpy())
+    rotor, frame = (localisations[name].to_numpy("int64")[rows] for name in ("rotor", "frame"))
     same_rotor = rotor[1:] == rotor[:-1]
     frames_apart = np.diff(frame)
     if np.any(same_rotor & (frames_apart == 0)):
@@ -152,17 +150,20 @@ def build_tracks(
             f"frame numbers jump by more than {MOST_FRAMES} frames within a rotor: check the "
             "column frame"
         )
-    circle = circles.loc[rotor]
-    radius = circle["radius_nm"].to_numpy("float64")
-    x, y = _column(rows, "x_nm"), _column(rows, "y_nm")
-    theta = angle(x, y, circle["x_nm"].to_numpy("float64"), circle["y_nm"].to_numpy("float64"))
+    circle = circles.index.get_indexer(pd.Index(rotor))
+    centre_x, centre_y, radius = (
+        circles[name].to_numpy("float64")[circle] for name in ("x_nm", "y_nm", "radius_nm")
+    )
+    x, y = _column(localisations, "x_nm", rows), _column(localisations, "y_nm", rows)
+    theta = angle(x, y, centre_x, centre_y)
     sd = angle_sd(
         theta,
-        _column(rows, "x_sd_nm"),
-        _column(rows, "y_sd_nm"),
-        _column(rows, "uncertainty_nm"),
+        _column(localisations, "x_sd_nm", rows),
+        _column(localisations, "y_sd_nm", rows),
+        _column(localisations, "uncertainty_nm", rows),
         radius,
     )
+    del circle, centre_x, centre_y, radius
     bridged = np.full(rotor.size, np.nan)
     for part in np.split(np.arange(rotor.size), np.flatnonzero(~same_rotor) + 1):
         bridged[part[1:]] = consecutive_steps(theta[part], frame[part], gap_mode)
@@ -182,20 +183,24 @@ def build_tracks(
             "step_rad": steps,
             "cumulative_rad": cumulative,
             "used": np.ones(rotor.size, bool),
-        }
+        },
+        copy=False,
     )
     return conform(table, TRACKS, "tracks")
 
 
-def _usable(localisations: pd.DataFrame) -> pd.DataFrame:
-    usable = localisations["rotor"] >= 0
+def _usable(localisations: pd.DataFrame, rotors: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Find the rows of some rotors, one a frame, by rotor and frame."""
+    rotor = localisations["rotor"].to_numpy()
+    usable = np.isin(rotor, rotors[rotors >= 0])
     if "fit_flags" in localisations.columns:
-        usable &= (localisations["fit_flags"] & int(FitFlag.DUPLICATE)) == 0
-    return localisations[usable]
+        usable &= (localisations["fit_flags"].to_numpy() & int(FitFlag.DUPLICATE)) == 0
+    rows = np.flatnonzero(usable)
+    return rows[np.lexsort((localisations["frame"].to_numpy()[rows], rotor[rows]))]
 
 
-def _column(rows: pd.DataFrame, name: str) -> Floats:
-    """Return a column as float64, nan where a foreign table does not have it."""
-    if name not in rows.columns:
+def _column(localisations: pd.DataFrame, name: str, rows: NDArray[np.intp]) -> Floats:
+    """Return rows of a column as float64, nan where a foreign table does not have it."""
+    if name not in localisations.columns:
         return np.full(len(rows), np.nan)
-    return rows[name].to_numpy("float64")
+    return localisations[name].to_numpy()[rows].astype(np.float64, copy=False)

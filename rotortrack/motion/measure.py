@@ -129,7 +129,7 @@ def measure_motion(
     measurable = tracks["rotor"].isin(wanted) & tracks["theta_rad"].notna()
     if "used" in tracks.columns:
         measurable &= tracks["used"]
-    used = tracks[measurable]
+    used = tracks.loc[measurable, ["rotor", "frame", "theta_rad"]]
     found = {
         number: measure_rotor(
             track["frame"].to_numpy("int64"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +17,13 @@ from rotortrack.localise.engine import Counts, localise
 from rotortrack.movies.movie import Movie
 from rotortrack.movies.select import select
 from rotortrack.movies.tiff import open_movie
+from rotortrack.pipeline.identity import identify
 from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record
 from rotortrack.settings import Layer, Settings, resolve
 
-FIRST_FRAME = "first_frame"
-"""Key of a table's provenance: the first frame of the movie that was looked at."""
-
 _FROM_FILE = ("pixel_size_nm", "frame_interval_s", "exposure_s")
+_DISAGREEMENT = 0.01
 
 
 class Progress(Protocol):
@@ -47,33 +47,93 @@ class OpenedMovie:
 
 
 def settings_for_movie(movie: Movie, layers: list[Layer]) -> Settings:
-    """Resolve all options, the movie's own metadata below everything that the user gave."""
-    known = {field: value for field, value in movie.metadata.items() if field in _FROM_FILE}
-    file_layers = [
-        Layer(value.origin, {"movie": {field: value.value}}) for field, value in known.items()
+    """Resolve all options, the movie's own metadata below everything that the user gave.
+
+    An exposure of the file that is longer than the frame interval is taken to fill it.
+
+    Parameters
+    ----------
+    movie
+        The movie, which may know its pixel size, frame interval and exposure.
+    layers
+        What the user gave, later ones win.
+
+    Raises
+    ------
+    ConfigurationError
+        Options are wrong, or the user gave an exposure longer than the frame interval.
+
+    Warns
+    -----
+    MetadataWarning
+        Two origins differ by more than 1 % in one of these values, or the exposure is longer than
+        the frame interval by more than 1 %.
+    """
+    known = [
+        Layer(value.origin, {"movie": {field: value.value}})
+        for field, value in movie.metadata.items()
+        if field in _FROM_FILE
     ]
-    settings = resolve(SECTIONS, [*file_layers, *layers])
-    for field, value in known.items():
-        chosen = getattr(settings["movie"], field)
-        recorded = float(value.value)
-        if abs(chosen - recorded) > 0.01 * recorded:
+    settings = resolve(SECTIONS, [*known, *layers])
+    for field in _FROM_FILE:
+        _warn_of_contradictions(field, settings, [*known, *layers])
+    chosen, origins = settings["movie"], settings.origins
+    interval_s, exposure_s = chosen.frame_interval_s, chosen.exposure_s
+    if interval_s is None or exposure_s is None or exposure_s <= interval_s:
+        return settings
+    origin = origins["movie.exposure_s"]
+    if exposure_s > (1.0 + _DISAGREEMENT) * interval_s:
+        told = (
+            f"exposure_s is {exposure_s:g} by {origin}, longer than frame_interval_s of "
+            f"{interval_s:g} by {origins['movie.frame_interval_s']}, which no camera does: "
+        )
+        of_file = {layer.origin for layer in known}
+        if origin not in of_file and origins["movie.frame_interval_s"] not in of_file:
+            raise ConfigurationError(f"{told}correct one of them")
+        ranks = [layer.origin for layer in (*known, *layers)]
+        doubtful = min(
+            ("movie.exposure_s", "movie.frame_interval_s"),
+            key=lambda key: ranks.index(origins[key]),
+        )
+        warnings.warn(
+            f"{told}{doubtful.removeprefix('movie.')} is doubtful, and exposures are taken to fill "
+            "the frame interval; give the right value",
+            MetadataWarning,
+            stacklevel=2,
+        )
+    limited = Layer(
+        f"{origin}, limited to the frame interval", {"movie": {"exposure_s": interval_s}}
+    )
+    return resolve(SECTIONS, [*known, *layers, limited])
+
+
+def _warn_of_contradictions(field: str, settings: Settings, layers: Sequence[Layer]) -> None:
+    """Name every value of a field that differs from the one in use."""
+    used: float | None = getattr(settings["movie"], field)
+    origin = settings.origins.get(f"movie.{field}")
+    for layer in layers:
+        other = layer.values.get("movie", {}).get(field)
+        if used is None or other is None or layer.origin == origin:
+            continue
+        if abs(used - other) > _DISAGREEMENT * max(used, other):
             warnings.warn(
-                f"{field} is {chosen:g} by {settings.origins[f'movie.{field}']} but "
-                f"{recorded:g} by {value.origin}: the former is used",
+                f"{field} is {used:g} by {origin} but {other:g} by {layer.origin}: the former is "
+                "used",
                 MetadataWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
-    return settings
 
 
 @contextmanager
-def opened(path: Path, layers: list[Layer], *required: str) -> Iterator[OpenedMovie]:
+def opened(
+    paths: Path | Sequence[Path], layers: list[Layer], *required: str
+) -> Iterator[OpenedMovie]:
     """Open a movie, resolve the settings, and prepare the camera.
 
     Parameters
     ----------
-    path
-        The movie file.
+    paths
+        The movie, one file or several.
     layers
         What the user gave, later ones win.
     *required
@@ -84,7 +144,7 @@ def opened(path: Path, layers: list[Layer], *required: str) -> Iterator[OpenedMo
     MovieError, CameraError, ConfigurationError
         As the parts raise them.
     """
-    with open_movie(path) as whole:
+    with open_movie(paths, resolve(SECTIONS, layers)["movie"]) as whole:
         settings = settings_for_movie(whole, layers)
         camera = _demand(settings, *required)
         camera.check_fits(*whole.shape[1:])
@@ -114,14 +174,26 @@ def extent(source: OpenedMovie, provenance: Mapping[str, object]) -> TableInfo:
     """Describe the movie to a table of its localisations: frames count from frame 0 of the file."""
     movie, options = source.movie, source.settings["movie"]
     frames, height, width = movie.shape
+    first, last = movie.first_frame, movie.first_frame + frames - 1
+    if movie.numbers is not None:
+        first, last = int(movie.numbers[0]), int(movie.numbers[-1])
     return TableInfo(
         pixel_size_nm=options.pixel_size_nm,
-        frames=movie.first_frame + frames,
+        frames=last + 1,
         height_px=movie.origin_px[1] + height,
         width_px=movie.origin_px[0] + width,
         frame_interval_s=options.frame_interval_s,
-        provenance={FIRST_FRAME: movie.first_frame, **provenance},
+        provenance={FIRST_FRAME: first, RECORDED_FRAMES: frames, **provenance},
     )
+
+
+def absent_frames(movie: Movie) -> dict[str, int]:
+    """Count frames that a cut file lost and those that the camera dropped, where there are any."""
+    dropped = 0
+    if movie.numbers is not None:
+        dropped = int(movie.numbers[-1] - movie.numbers[0] + 1) - movie.shape[0]
+    counts = {"missing_frames": movie.missing_frames, "dropped_frames": dropped}
+    return {name: count for name, count in counts.items() if count}
 
 
 def localise_to_file(
@@ -135,8 +207,12 @@ def localise_to_file(
     movie, settings = source.movie, source.settings
     frames = movie.shape[0]
     counts = Counts()
+    record = Record("localise")
+    record.options(settings)
+    record.inputs([identify(path) for path in movie.paths], target.parent)
+    record.count(frames=frames, **absent_frames(movie))
     progress("localise", 0, frames)
-    with open_writer(target, extent(source, settings.as_dict())) as writer:
+    with open_writer(target, extent(source, record.provenance)) as writer:
         for block in localise(
             movie,
             source.camera,

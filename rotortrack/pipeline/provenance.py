@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import json
 import os
 import platform
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rotortrack.errors import InputError, RotortrackWarning
+from rotortrack import errors
+from rotortrack.errors import RotortrackWarning
 from rotortrack.localise.engine import Counts
+from rotortrack.pipeline.identity import Identity, describe
 from rotortrack.settings import Layer, Settings
 
 _LIBRARIES = ("rotortrack", "numpy", "scipy", "numba", "pandas", "pyarrow", "tifffile")
+
+
+FIRST_FRAME = "first_frame"
+"""Key of a table's provenance: the first frame of the movie that was looked at."""
+
+RECORDED_FRAMES = "recorded_frames"
+"""Key of a table's provenance: how many frames were looked at; dropped ones were not."""
 
 
 def versions() -> dict[str, str]:
@@ -27,35 +36,41 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **found}
 
 
-def describe_input(path: Path, folder: Path) -> dict[str, Any]:
-    """Identify an input file: path relative to the run folder, size and SHA-256.
+@dataclass
+class Noted:
+    """What was noted while one stage was at work, in a form that JSON can keep."""
 
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
-    try:
-        shown = Path(os.path.relpath(path, folder))
-    except ValueError:
-        # On Windows there is no way from one drive to another.
-        shown = path
-    return {"path": shown.as_posix(), "bytes": size, "sha256": digest}
+    notes: list[str] = field(default_factory=list)
+    warnings: list[list[str]] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Noted:
+        """Read what was kept.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            It is something else.
+        """
+        notes, warned, counts = (content[name] for name in ("notes", "warnings", "counts"))
+        return cls(
+            [str(sentence) for sentence in notes],
+            [[str(name), str(sentence)] for name, sentence in warned],
+            {str(name): int(count) for name, count in dict(counts).items()},
+        )
 
 
 class Record:
     """Collects what a run's manifest will say."""
 
     def __init__(self, command: str) -> None:
+        self._categories: dict[str, str] = {}
         self.content: dict[str, Any] = {
             "command": command,
+            "steps": [command],
             "versions": versions(),
+            "machine": {"system": platform.platform(), "processors": os.cpu_count()},
             "inputs": [],
             "options": {},
             "seconds": {},
@@ -87,9 +102,49 @@ class Record:
         """Record how many there were of something."""
         self.content["counts"].update(counts)
 
-    def input(self, path: Path, folder: Path) -> None:
-        """Record an input file, its path as seen from the run folder."""
-        self.content["inputs"].append(describe_input(path, folder))
+    def inputs(
+        self, files: Sequence[Identity], folder: Path, sha256: Sequence[str] | None = None
+    ) -> None:
+        """Record the input files, their paths as seen from the run folder.
+
+        Their hashes are known once they were read whole.
+        """
+        hashes = [""] * len(files) if sha256 is None else sha256
+        self.content["inputs"] = [
+            describe(file, folder, word) for file, word in zip(files, hashes, strict=True)
+        ]
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What each table repeats: all that decides its numbers, and nothing that time changes."""
+        keys = ("command", "steps", "versions", "inputs", "options", "counts")
+        return {key: self.content[key] for key in keys}
+
+    @contextmanager
+    def noting(self) -> Iterator[Noted]:
+        """Collect what is noted within the block, in addition to recording it."""
+        noted = Noted()
+        content = self.content
+        notes, warned = len(content["notes"]), len(content["warnings"])
+        counts = dict(content["counts"])
+        yield noted
+        noted.notes += content["notes"][notes:]
+        noted.warnings += [
+            [self._categories[sentence], sentence] for sentence in content["warnings"][warned:]
+        ]
+        noted.counts |= {
+            name: count for name, count in content["counts"].items() if counts.get(name) != count
+        }
+
+    def repeat(self, noted: Noted) -> None:
+        """Note and warn again what a kept stage had noted when it was made."""
+        for sentence in noted.notes:
+            self.note(sentence)
+        self.count(**noted.counts)
+        for name, sentence in noted.warnings:
+            category = getattr(errors, name, None)
+            if isinstance(category, type) and issubclass(category, RotortrackWarning):
+                warnings.warn(sentence, category, stacklevel=2)
 
     @contextmanager
     def warnings(self) -> Iterator[None]:
@@ -103,6 +158,7 @@ class Record:
                 message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any
             ) -> None:
                 sentence = str(message)
+                self._categories.setdefault(sentence, category.__name__)
                 if issubclass(category, RotortrackWarning) and sentence not in seen:
                     seen.append(sentence)
                 show(message, category, *args, **kwargs)
@@ -114,6 +170,10 @@ class Record:
         """Take over what an earlier command recorded; give its chosen options as layers."""
         for key in ("inputs", "notes", "warnings", "counts", "seconds"):
             self.content[key] = manifest[key]
+        if isinstance(manifest.get("keys"), dict):
+            self.content["keys"] = manifest["keys"]
+        earlier = [step for step in manifest["steps"] if step != self.content["command"]]
+        self.content["steps"] = [*earlier, self.content["command"]]
         return [
             Layer(str(entry["origin"]), {section: {key: entry["value"]}})
             for section, entries in manifest["options"].items()
@@ -139,9 +199,14 @@ class Record:
         """Record a choice that was made for the user."""
         self.content["notes"].append(sentence)
 
-    def json(self) -> str:
-        """Give the manifest's text."""
-        return json.dumps(self.content, indent=2) + "\n"
+
+def following(earlier: Mapping[str, object], now: Mapping[str, object]) -> dict[str, object]:
+    """Chain what made a table behind what had made its input, the latest step in front."""
+    of_the_movie = {key: earlier[key] for key in (FIRST_FRAME, RECORDED_FRAMES) if key in earlier}
+    before = {key: value for key, value in earlier.items() if key != "history"}
+    history = earlier.get("history")
+    steps = [*(history if isinstance(history, list) else []), *([before] if before else [])]
+    return {**of_the_movie, **now, "history": steps}
 
 
 def to_toml(values: dict[str, dict[str, Any]]) -> str:

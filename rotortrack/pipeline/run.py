@@ -1,41 +1,54 @@
-"""From a movie, or from a table, to a run folder."""
+"""From a movie to a run folder."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rotortrack.cameras.line_noise import check_line_noise
 from rotortrack.cameras.photon_transfer import GainEstimate, gain_from_movie, warn_if_contradicted
-from rotortrack.errors import InputError
-from rotortrack.exchange.tables import read_localisations
-from rotortrack.exchange.writer import TableInfo
+from rotortrack.errors import ResourceError
 from rotortrack.movies.movie import Movie
 from rotortrack.pipeline import stages
+from rotortrack.pipeline.checkpoints import (
+    CORRECTED,
+    FOUND,
+    pack_corrected,
+    pack_found,
+    unpack_corrected,
+    unpack_found,
+)
+from rotortrack.pipeline.identity import Identity, identify
+from rotortrack.pipeline.keys import stage_keys
+from rotortrack.pipeline.localise_parts import localise_in_parts
 from rotortrack.pipeline.localise_run import (
-    FIRST_FRAME,
     OpenedMovie,
     Progress,
+    absent_frames,
     extent,
-    localise_to_file,
     opened,
     silent,
 )
-from rotortrack.pipeline.presets import SECTIONS, notes_on
+from rotortrack.pipeline.parts import Checkpoint, Parts
+from rotortrack.pipeline.presets import notes_on
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.store import RunFolder
-from rotortrack.pipeline.table_runs import read_for, settings_for_table
-from rotortrack.settings import Layer, Settings, resolve
+from rotortrack.settings import Layer, Settings
+from rotortrack.tables import Schema
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MEAN_IMAGE_FRAMES = 100
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -67,71 +80,111 @@ class Result:
         return self.tables["rotors"]
 
 
+Draw = Callable[[Result], None]
+"""Draws the figures of a run into its folder."""
+
+
 def run_movie(
-    path: Path,
+    paths: Path | Sequence[Path],
     layers: list[Layer],
     target: Path,
     *,
     workers: int | None = None,
+    overwrite: bool = False,
     progress: Progress = silent,
+    draw: Draw | None = None,
 ) -> Result:
     """Analyse one movie from frames to rotor speeds and write a run folder.
 
+    Work that an earlier run into the same folder finished with the same input, options and code
+    is taken over, so that a stopped run goes on where it was, and a changed option reruns its
+    stage and the later ones alone.
+
     Parameters
     ----------
-    path, layers
-        The movie and what the user gave.
+    paths, layers
+        The movie, one file or several, and what the user gave.
     target
         The run folder; made when absent.
     workers
         Threads of the localisation.
+    overwrite
+        Replace results of another movie.
     progress
         Called as each stage advances.
+    draw
+        Draws the figures once the tables are written.
 
     Returns
     -------
     Result
         The tables, as written.
+
+    Raises
+    ------
+    MovieError, CameraError, ConfigurationError
+        The movie or the camera cannot be used, or options are missing or wrong.
+    LockedError, UsageError, ResourceError
+        The folder is in use, holds another movie's results, or cannot be written.
     """
     record = Record("run")
     required = ("movie.pixel_size_nm", "movie.frame_interval_s")
-    with (
-        record.warnings(),
-        opened(path, layers, *required) as source,
-        RunFolder.claim(target) as folder,
-    ):
-        settings, movie = source.settings, source.movie
+    with record.warnings(), opened(paths, layers, *required) as source:
+        files = [identify(path) for path in source.movie.paths]
+        with RunFolder.claim(target, "run", files, overwrite=overwrite) as folder:
+            run = _Run(source, files, folder, record, progress)
+            return run.to_the_end(workers, draw)
+
+
+class _Run:
+    """The workflow on one movie in one claimed folder."""
+
+    def __init__(
+        self,
+        source: OpenedMovie,
+        files: list[Identity],
+        folder: RunFolder,
+        record: Record,
+        progress: Progress,
+    ) -> None:
+        self._source = source
+        self._settings = source.settings
+        self._files = files
+        self._folder = folder
+        self._record = record
+        self._progress = progress
+        keys = stage_keys(files, source.settings)
+        record.content["keys"] = keys
+        self._parts = Parts(folder.path, keys)
+
+    def to_the_end(self, workers: int | None, draw: Draw | None) -> Result:
+        record, settings, folder = self._record, self._settings, self._folder
         record.options(settings)
-        for sentence in notes_on(settings):
+        record.inputs(self._files, folder.path)
+        movie = self._source.movie
+        record.count(frames=movie.shape[0], **absent_frames(movie))
+        for sentence in (*notes_on(settings), *self._source.movie.notes):
             record.note(sentence)
-        with record.timed("input"):
-            progress("input", 0, 0)
-            record.input(path, target)
-            check_gain(source)
-        with folder.scratch("localisations.parquet") as part:
-            with record.timed("localise"):
-                counts = localise_to_file(source, part, workers=workers, progress=progress)
-            localisations = read_localisations(part)
-        record.count_spots(movie.shape[0], counts)
-        with record.timed("correct"):
-            progress("correct", 0, 0)
-            pixel_size_nm = settings["movie"].pixel_size_nm
-            corrected = stages.correct(localisations, settings, pixel_size_nm=pixel_size_nm)
-        record.count(precise=corrected.precise, dense=corrected.dense)
-        with record.timed("rotors"):
-            progress("rotors", 0, 0)
-            found = stages.find(
-                corrected.localisations,
-                corrected.trusted,
-                settings,
-                n_frames=movie.shape[0],
-                drift_sd_nm=corrected.drift_sd_nm,
+        with self._stage("check"):
+            self._check()
+        with self._stage("localise", self._source.movie.shape[0]):
+            localisations, hashes = localise_in_parts(
+                self._source,
+                self._files,
+                self._parts,
+                record,
+                workers=workers,
+                progress=self._progress,
             )
-        _record_found(record, found)
-        with record.timed("motion"):
-            progress("motion", 0, 0)
+            record.inputs(self._files, folder.path, hashes)
+        with self._stage("correct"):
+            corrected = self._corrected(localisations)
+            del localisations
+        with self._stage("rotors"):
+            found = self._found(corrected)
+        with self._stage("motion"):
             moved = stages.move(found.localisations, found.rotors, settings)
-        _record_verdicts(record, moved.rotors)
+            record_verdicts(record, moved.rotors)
         drift = corrected.drift
         tables = {
             "localisations": found.localisations,
@@ -140,77 +193,97 @@ def run_movie(
             "decisions": found.decisions,
             "tracks": moved.tracks,
         }
-        info = extent(source, record.content)
+        with self._stage("tables"):
+            info = extent(self._source, record.provenance)
+            image = _mean_image(self._source.movie)
+            unfinished = None if draw is None else "figures"
+            folder.commit(tables, info, record, settings, unfinished=unfinished)
+            self._parts.tidy()
         bins = (drift.bin_frames, drift.bin_dx_nm, drift.bin_dy_nm)
-        image = _mean_image(movie)
-        folder.replace(tables, info, record, settings)
-    return Result(folder, settings, record, tables, bins, image)
+        result = Result(folder, settings, record, tables, bins, image)
+        if draw is not None:
+            with self._stage("figures"):
+                draw(result)
+        folder.note_finished(record)
+        return result
+
+    def _check(self) -> None:
+        """Hold what is known of the camera against what the movie itself shows."""
+
+        def check() -> None:
+            check_gain(self._source)
+            gain_e_per_adu = float(np.median(self._source.camera.gain_e_per_adu))
+            check_line_noise(self._source.movie, gain_e_per_adu)
+
+        self._kept_or_made("check", {}, lambda _: None, check, lambda _: Checkpoint({}, {}))
+
+    def _corrected(self, localisations: pd.DataFrame) -> stages.Corrected:
+        """Take over or compute precise, drift-corrected, dense localisations."""
+
+        def correct() -> stages.Corrected:
+            pixel_size_nm = self._settings["movie"].pixel_size_nm
+            corrected = stages.correct(localisations, self._settings, pixel_size_nm=pixel_size_nm)
+            self._record.count(precise=corrected.precise, dense=corrected.dense)
+            return corrected
+
+        unpack = partial(unpack_corrected, localisations=localisations)
+        return self._kept_or_made("correct", CORRECTED, unpack, correct, pack_corrected)
+
+    def _found(self, corrected: stages.Corrected) -> stages.Found:
+        """Take over or find the rotors."""
+
+        def find() -> stages.Found:
+            found = stages.find(
+                corrected.localisations,
+                corrected.trusted,
+                self._settings,
+                n_frames=self._source.movie.shape[0],
+                drift_sd_nm=corrected.drift_sd_nm,
+            )
+            record_found(self._record, found)
+            return found
+
+        unpack = partial(unpack_found, localisations=corrected.localisations)
+        return self._kept_or_made("rotors", FOUND, unpack, find, pack_found)
+
+    def _kept_or_made(
+        self,
+        stage: str,
+        schemas: Mapping[str, Schema],
+        unpack: Callable[[Checkpoint], _Made],
+        make: Callable[[], _Made],
+        pack: Callable[[_Made], Checkpoint],
+    ) -> _Made:
+        """Take over what an earlier run kept of a stage, or make it and keep it."""
+        kept = self._parts.load(stage, schemas, unpack)
+        if kept is not None:
+            self._record.repeat(kept[1])
+            return kept[0]
+        with self._record.noting() as noted:
+            made = make()
+        self._parts.save(stage, schemas, pack(made), noted)
+        return made
+
+    @contextmanager
+    def _stage(self, name: str, units: int = 0) -> Iterator[None]:
+        """Time a stage, and note in the folder that it began and why it ended early."""
+        self._folder.note_unfinished(self._record, name, "begun")
+        self._progress(name, 0, units)
+        try:
+            with self._record.timed(name):
+                yield
+        except BaseException as error:
+            # What ended the stage is what the user must learn, even if the disk is full.
+            with suppress(ResourceError):
+                self._folder.note_unfinished(self._record, name, _reason(error))
+            raise
 
 
-def rotors_from_table(
-    path: Path, layers: list[Layer], target: Path, *, progress: Progress = silent
-) -> Result:
-    """Group the localisations of a table into rotors and screen them.
-
-    The table is taken as it is: filter it and correct its drift before, where that is due.
-    Parameters and result are those of :func:`run_movie`; there are no tracks yet.
-    """
-    record = Record("rotors")
-    with record.warnings():
-        settings, info = settings_for_table(path, layers)
-        settings.require("movie.frame_interval_s")
-        table = read_for(settings, path)
-        record.options(settings)
-        record.input(path, target)
-        n_frames = _frames_of(table, info)
-        record.count(frames=n_frames, localisations=len(table))
-        with record.timed("rotors"):
-            progress("rotors", 0, 0)
-            trusted = np.ones(len(table), bool)
-            found = stages.find(table, trusted, settings, n_frames=n_frames)
-        _record_found(record, found)
-        _record_verdicts(record, found.rotors)
-    tables = {
-        "localisations": found.localisations,
-        "rotors": found.rotors,
-        "decisions": found.decisions,
-    }
-    movie = settings["movie"]
-    info = dataclasses.replace(
-        info,
-        pixel_size_nm=movie.pixel_size_nm,
-        frame_interval_s=movie.frame_interval_s,
-        provenance={**info.provenance, **record.content},
-    )
-    folder = RunFolder.create(target)
-    folder.replace(tables, info, record, settings)
-    return Result(folder, settings, record, tables)
-
-
-def motion_of_run(path: Path, layers: list[Layer], *, progress: Progress = silent) -> Result:
-    """Measure the motion of the rotors of an existing run folder.
-
-    Options are those of the run, below what the user gives now.
-    """
-    folder = RunFolder.open(path)
-    record = Record("motion")
-    with record.warnings():
-        earlier = record.continue_from(folder.read_manifest())
-        settings = resolve(SECTIONS, [*earlier, *layers])
-        settings.require("movie.frame_interval_s")
-        record.options(settings)
-        tables = {name: folder.read(name) for name in ("localisations", "rotors", "drift")}
-        if "verdict" not in tables["rotors"]:
-            raise InputError(f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again")
-        with record.timed("motion"):
-            progress("motion", 0, 0)
-            moved = stages.move(tables["localisations"], tables["rotors"], settings)
-        tables.update(rotors=moved.rotors, tracks=moved.tracks)
-    written = {name: tables[name] for name in ("rotors", "tracks")}
-    info = TableInfo(provenance=record.content)
-    kept = ("localisations", "drift", "decisions")
-    folder.replace(written, info, record, settings, keep=kept)
-    return Result(folder, settings, record, tables)
+def _reason(error: BaseException) -> str:
+    """Say in one line why a stage ended early."""
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped"
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def check_gain(source: OpenedMovie) -> GainEstimate:
@@ -223,20 +296,14 @@ def check_gain(source: OpenedMovie) -> GainEstimate:
     return estimate
 
 
-def _frames_of(table: pd.DataFrame, info: TableInfo) -> int:
-    """Count the frames that were looked at: as the table records, or as its rows show."""
-    if info.frames is not None:
-        first = info.provenance.get(FIRST_FRAME, 0)
-        return info.frames - (first if isinstance(first, int) else 0)
-    return int(table["frame"].max() - table["frame"].min() + 1) if len(table) else 0
-
-
-def _record_found(record: Record, found: stages.Found) -> None:
+def record_found(record: Record, found: stages.Found) -> None:
+    """Record how rotors were found."""
     record.note(found.distance_reason)
     record.count(duplicates=found.duplicates, small_clusters=found.small_clusters)
 
 
-def _record_verdicts(record: Record, rotors: pd.DataFrame) -> None:
+def record_verdicts(record: Record, rotors: pd.DataFrame) -> None:
+    """Record how many rotors were found and kept."""
     kept = int((rotors["verdict"] == "kept").sum())
     record.count(rotors_found=len(rotors), rotors_kept=kept)
 

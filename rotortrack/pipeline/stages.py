@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_PLACES = ("frame", "x_nm", "y_nm")
+_LOOKED_AT = (*_PLACES, "photons", "sigma_nm", "uncertainty_nm", "fit_flags")
+"""Columns that the stages look at; taking no others keeps a night's localisations in memory."""
+
+
 @dataclass(frozen=True)
 class Corrected:
     """Drift-corrected localisations, and which of them are trusted."""
@@ -71,10 +76,12 @@ def correct(localisations: pd.DataFrame, settings: Settings, *, pixel_size_nm: f
     All rows come back, drift-corrected; `trusted` marks those that passed both filters.
     """
     precise = passes_quality(localisations, settings["quality"])
-    drift = estimate_drift(localisations[precise], settings["drift"], pixel_size_nm=pixel_size_nm)
+    drift = estimate_drift(
+        localisations.loc[precise, list(_PLACES)], settings["drift"], pixel_size_nm=pixel_size_nm
+    )
     corrected = apply_drift(localisations, drift)
     trusted = precise.copy()
-    trusted[precise] = dense_enough(corrected[precise], settings["density"])
+    trusted[precise] = dense_enough(corrected.loc[precise, list(_PLACES)], settings["density"])
     return Corrected(corrected, trusted, drift, int(precise.sum()), int(trusted.sum()))
 
 
@@ -90,7 +97,8 @@ def find(
 
     All rows come back; those that are not trusted belong to no rotor.
     """
-    found = find_rotors(localisations[trusted], settings["cluster"], settings["circle"])
+    seen = [name for name in _LOOKED_AT if name in localisations]
+    found = find_rotors(localisations.loc[trusted, seen], settings["cluster"], settings["circle"])
     screening = screen(
         found.localisations,
         found.rotors,

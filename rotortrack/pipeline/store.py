@@ -1,20 +1,32 @@
-"""The run folder: where each result lies, and its reading and writing."""
+"""The run folder: where each result lies, how it is read, and how it changes hands.
+
+Several results change together, so they are written into `parts/commit` first, the manifest last;
+then the old manifest gives way to one that says "unfinished", the files are renamed into place, and
+the new manifest comes last. A process killed in between leaves either the old run whole or a commit
+that the next command carries out.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import datetime
 import json
+import os
 import re
-from collections.abc import Collection, Iterator, Mapping
+import shutil
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rotortrack import files
-from rotortrack.errors import InputError, ResourceError
+from rotortrack import files, locks
+from rotortrack.errors import InputError, ResourceError, UsageError
 from rotortrack.exchange import csv, parquet
 from rotortrack.exchange.tables import write_localisations
 from rotortrack.exchange.writer import TableInfo
+from rotortrack.pipeline.identity import Identity, shown_from
+from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
+from rotortrack.pipeline.parts import make_folder, remove_work
 from rotortrack.pipeline.provenance import Record, to_toml
 from rotortrack.settings import Settings
 from rotortrack.tables import DECISIONS, DRIFT, LOCALISATIONS, ROTORS, TRACKS, Schema, empty
@@ -26,6 +38,11 @@ if TYPE_CHECKING:
 FIGURE_NAME = re.compile(r"(field|speeds|cumulative_angles|msds|drift|rotor-\d{3,})\.(png|svg|pdf)")
 """Names of the figures that a run draws; other files beside them are the user's."""
 
+MANIFEST, CONFIG, LOG = "run.json", "config.resolved.toml", "log.jsonl"
+
+# Neither follow a link out of the folder nor wait for the other end of a pipe.
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
 
 @dataclass(frozen=True)
 class RunFolder:
@@ -34,39 +51,58 @@ class RunFolder:
     path: Path
 
     @classmethod
-    def create(cls, path: Path) -> RunFolder:
-        """Make the folder, or take it when it exists.
+    @contextlib.contextmanager
+    def claim(
+        cls,
+        path: Path,
+        task: str,
+        inputs: Sequence[Identity] = (),
+        *,
+        overwrite: bool = False,
+    ) -> Iterator[RunFolder]:
+        """Make or take the folder as its only writer.
+
+        What a killed process left half-written is swept, and a commit that it had begun is carried
+        out. A folder made for work that then fails before anything was kept is removed again.
+
+        Parameters
+        ----------
+        path, task
+            The folder, and the command that works on it, for the lock.
+        inputs
+            The files that will be analysed; none where the folder's own results are.
+        overwrite
+            Take the folder even if it holds results of other files.
 
         Raises
         ------
         ResourceError
-            The folder cannot be made.
+            The folder cannot be made or written.
+        LockedError
+            Another process works on it.
+        UsageError
+            It holds results of other files.
         """
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ResourceError(
-                f"{path} cannot be made a folder ({error.strerror}): choose another with -o"
-            ) from error
-        return cls(path)
-
-    @classmethod
-    @contextlib.contextmanager
-    def claim(cls, path: Path) -> Iterator[RunFolder]:
-        """Make or take the folder; one made for work that then fails is removed again."""
         existed = path.exists()
-        folder = cls.create(path)
+        make_folder(path)
+        folder = cls(path)
         try:
-            yield folder
+            with locks.locked(path, task):
+                folder._remove_links()
+                for place in (path, folder.figures_path):
+                    files.sweep(place)
+                folder._carry_out_commit()
+                if inputs:
+                    folder._part_with_other_inputs(inputs, overwrite)
+                yield folder
         except BaseException:
-            if not existed:
-                with contextlib.suppress(OSError):
-                    path.rmdir()
+            if not existed and not folder._holds_work():
+                folder._remove_what_is_ours()
             raise
 
     @classmethod
-    def open(cls, path: Path) -> RunFolder:
-        """Take a folder that a run made.
+    def find(cls, path: Path) -> RunFolder:
+        """Take a folder that a run made, finished or not.
 
         Raises
         ------
@@ -78,37 +114,39 @@ class RunFolder:
             raise InputError(f"{path} is a file, not a run folder: give the folder")
         if not run.manifest_path.is_file():
             raise InputError(
-                f"{path} is not a run folder (it has no run.json): make one with `rotortrack run` "
-                "or `rotortrack rotors`"
+                f"{path} is not a run folder (it has no {MANIFEST}): make one with "
+                "`rotortrack run` or `rotortrack rotors`"
+            )
+        return run
+
+    @classmethod
+    def open(cls, path: Path) -> RunFolder:
+        """Take a folder that a run made, to read its results.
+
+        Raises
+        ------
+        InputError
+            It is not a run folder, or its run is not finished.
+        """
+        run = cls.find(path)
+        manifest = run.read_manifest()
+        if manifest["state"] != COMPLETE:
+            command = manifest.get("unfinished", {}).get("command", "run")
+            raise InputError(
+                f"{path} holds a run that is not finished: give the same `rotortrack {command}` "
+                "command again to finish it"
             )
         return run
 
     @property
     def manifest_path(self) -> Path:
-        """The manifest; a folder that has one is whole."""
-        return self.path / "run.json"
+        """The manifest; where it says "complete", the folder is whole."""
+        return self.path / MANIFEST
 
-    @contextlib.contextmanager
-    def scratch(self, name: str) -> Iterator[Path]:
-        """Give a path for an unfinished stage, gone again afterwards.
-
-        Raises
-        ------
-        ResourceError
-            A file stands where the folder of unfinished parts should be.
-        """
-        parts = self.path / "parts"
-        try:
-            parts.mkdir(exist_ok=True)
-        except OSError as error:
-            raise ResourceError(f"{parts} cannot be made a folder: move it away") from error
-        path = parts / name
-        try:
-            yield path
-        finally:
-            path.unlink(missing_ok=True)
-            with contextlib.suppress(OSError):
-                parts.rmdir()
+    @property
+    def figures_path(self) -> Path:
+        """Folder of the figures."""
+        return self.path / "figures"
 
     def read_manifest(self) -> dict[str, Any]:
         """Read run.json.
@@ -118,15 +156,7 @@ class RunFolder:
         InputError
             It is not the manifest of a run.
         """
-        try:
-            content = json.loads(self.manifest_path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            raise InputError(f"{self.manifest_path} cannot be read ({error})") from error
-        if not _is_manifest(content):
-            raise InputError(
-                f"{self.manifest_path} is not a manifest of this program: make the run again"
-            )
-        return dict(content)
+        return read_manifest(self.manifest_path)
 
     def read(self, name: str) -> pd.DataFrame:
         """Read a table by the name of its schema; drift is empty where none was estimated.
@@ -147,7 +177,42 @@ class RunFolder:
             )
         return parquet.read_table(path, schema)
 
-    def replace(
+    def note_unfinished(self, record: Record, stage: str, reason: str) -> None:
+        """Say in the manifest what is being done, or why it ended early.
+
+        Results of an earlier run stay what they are, and their manifest with them.
+        """
+        content = self._complete_manifest()
+        if content is None:
+            content = {**record.content, "state": UNFINISHED, "tables": []}
+        command = str(record.content["command"])
+        content["unfinished"] = {"command": command, "stage": stage, "reason": reason}
+        files.write_text(self.manifest_path, write_out(content))
+        self.log(reason, command=command, stage=stage)
+
+    def note_finished(self, record: Record) -> None:
+        """Say in the manifest that nothing is left to do."""
+        content = {**self.read_manifest(), "seconds": record.content["seconds"]}
+        content.pop("unfinished", None)
+        files.write_text(self.manifest_path, write_out(content))
+        self.log("finished", command=record.content["command"], seconds=content["seconds"])
+
+    def log(self, event: str, **facts: object) -> None:
+        """Append one whole line to the log; a log that cannot be written stops nothing."""
+        now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+        text = json.dumps({"time": now, "pid": os.getpid(), "event": event, **facts}, default=str)
+        line = text.encode("utf-8", "backslashreplace") + b"\n"
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | _NO_LINK
+        with contextlib.suppress(OSError):
+            descriptor = os.open(self.path / LOG, flags, 0o666)
+            try:
+                size = os.fstat(descriptor).st_size
+                if os.write(descriptor, line) < len(line):
+                    os.ftruncate(descriptor, size)
+            finally:
+                os.close(descriptor)
+
+    def commit(
         self,
         tables: Mapping[str, pd.DataFrame],
         info: TableInfo,
@@ -155,11 +220,9 @@ class RunFolder:
         settings: Settings,
         *,
         keep: Collection[str] = (),
+        unfinished: str | None = None,
     ) -> None:
-        """Write tables and the manifest in place of what an earlier command left.
-
-        The old manifest goes first and the new one comes last, so that a folder with a manifest
-        never mixes two runs; tables and figures of the earlier command go too.
+        """Put tables and the manifest in place of what an earlier command left, all or none.
 
         Parameters
         ----------
@@ -171,60 +234,150 @@ class RunFolder:
             For the manifest.
         keep
             Names of tables that the earlier command wrote and that still hold.
+        unfinished
+            A stage that is still to come, such as the figures.
         """
-        self.manifest_path.unlink(missing_ok=True)
-        for name in _SCHEMAS.keys() - tables.keys() - set(keep):
-            for path in self._files(_SCHEMAS[name]):
+        staged = self._commit_path
+        kept = [name for name in keep if all(path.is_file() for path in self._files(name))]
+        content = {**record.content, "state": COMPLETE, "tables": sorted({*tables, *kept})}
+        if unfinished is not None:
+            command = str(record.content["command"])
+            content["unfinished"] = {"command": command, "stage": unfinished, "reason": "begun"}
+        shutil.rmtree(staged, ignore_errors=True)
+        make_folder(staged)
+        try:
+            for name, table in tables.items():
+                for path in _files(staged, _SCHEMAS[name]):
+                    _write(path, _SCHEMAS[name], table, info)
+            files.write_text(staged / CONFIG, to_toml(settings.as_dict()))
+            files.write_text(staged / MANIFEST, write_out(content))
+        except BaseException:
+            # Nobody can use it, and on a full disk it takes the space.
+            shutil.rmtree(staged, ignore_errors=True)
+            raise
+        self._carry_out_commit()
+
+    @property
+    def _commit_path(self) -> Path:
+        return self.path / "parts" / "commit"
+
+    def _carry_out_commit(self) -> None:
+        """Rename what a commit prepared into place; one that was not prepared whole is removed."""
+        staged = self._commit_path
+        with contextlib.suppress(InputError):
+            manifest = read_manifest(staged / MANIFEST)
+            with _as_resource_error(self.path):
+                self._move_into_place(staged, manifest)
+        shutil.rmtree(staged, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            staged.parent.rmdir()
+
+    def _move_into_place(self, staged: Path, manifest: dict[str, Any]) -> None:
+        tables, command = manifest["tables"], str(manifest.get("command", "run"))
+        begun = {"command": command, "stage": "tables", "reason": "begun"}
+        unfinished = {**manifest, "state": UNFINISHED, "tables": [], "unfinished": begun}
+        files.write_text(self.manifest_path, write_out(unfinished))
+        for name in _SCHEMAS.keys() - set(tables):
+            for path in self._files(name):
                 path.unlink(missing_ok=True)
         for figure in self.figures_path.glob("*.*"):
             if FIGURE_NAME.fullmatch(figure.name):
                 figure.unlink()
-        for name, table in tables.items():
-            self._write(_SCHEMAS[name], table, info)
-        files.write_text(self.path / "config.resolved.toml", to_toml(settings.as_dict()))
-        files.write_text(self.manifest_path, record.json())
+        # Only names that a commit writes are moved: the folder may come from elsewhere.
+        names = [path.name for name in tables for path in self._files(name)]
+        for file in (*names, CONFIG, MANIFEST):
+            with contextlib.suppress(FileNotFoundError):
+                (staged / file).replace(self.path / file)
+        files.flush_folder(self.path)
 
-    @property
-    def figures_path(self) -> Path:
-        """Folder of the figures."""
-        return self.path / "figures"
+    def _remove_links(self) -> None:
+        """Remove links in place of folders: what is written or removed would lie elsewhere."""
+        parts = self.path / "parts"
+        with _as_resource_error(self.path):
+            for place in (self.figures_path, parts):
+                if place.is_symlink():
+                    place.unlink()
+            for place in parts.iterdir() if parts.is_dir() else ():
+                if place.is_symlink():
+                    place.unlink()
 
-    def _files(self, schema: Schema) -> list[Path]:
-        """Name a table's files: Parquet, drift as CSV, and rotors as both for spreadsheets."""
-        endings = {DRIFT.name: ("csv",), ROTORS.name: ("parquet", "csv")}
-        return [
-            self.path / f"{schema.name}.{ending}"
-            for ending in endings.get(schema.name, ("parquet",))
-        ]
-
-    def _write(self, schema: Schema, table: pd.DataFrame, info: TableInfo) -> None:
-        for path in self._files(schema):
-            if path.suffix == ".csv":
-                csv.write_csv(path, table)
-            elif schema is LOCALISATIONS:
-                write_localisations(path, table, info)
-            else:
-                parquet.write_table(path, table, schema, dict(info.provenance))
-
-
-def _is_manifest(content: object) -> bool:
-    """Whether a manifest has the shape that commands rely on; its values are checked later."""
-    if not isinstance(content, dict):
-        return False
-    lists = (content.get(key) for key in ("inputs", "notes", "warnings"))
-    tables = (content.get(key) for key in ("options", "counts", "seconds"))
-    return (
-        all(isinstance(value, list) for value in lists)
-        and all(isinstance(value, dict) for value in tables)
-        and all(
-            isinstance(section, dict)
-            and all(
-                isinstance(entry, dict) and {"value", "origin"} <= entry.keys()
-                for entry in section.values()
-            )
-            for section in content["options"].values()
+    def _holds_work(self) -> bool:
+        """Whether anything lies in the folder that took time to make, which checks do not."""
+        return any(
+            place.is_file()
+            and place.name not in (MANIFEST, LOG)
+            and not place.parent.name.startswith("check-")
+            for place in self.path.rglob("*")
         )
-    )
+
+    def _remove_what_is_ours(self) -> None:
+        remove_work(self.path / "parts")
+        with contextlib.suppress(OSError):
+            (self.path / "parts").rmdir()
+        with contextlib.suppress(OSError):
+            for name in (MANIFEST, LOG):
+                (self.path / name).unlink(missing_ok=True)
+            self.path.rmdir()
+
+    def _files(self, name: str) -> list[Path]:
+        schema = _SCHEMAS.get(name)
+        return _files(self.path, schema) if schema else []
+
+    def _complete_manifest(self) -> dict[str, Any] | None:
+        """Read the manifest of finished results; None where there are none."""
+        with contextlib.suppress(InputError):
+            content = self.read_manifest()
+            if content["state"] == COMPLETE:
+                return content
+        return None
+
+    def _part_with_other_inputs(self, inputs: Sequence[Identity], overwrite: bool) -> None:
+        """Keep the results of one movie from being replaced by those of another by mistake."""
+        try:
+            earlier = self.read_manifest()["inputs"]
+        except InputError:
+            return
+        same_content = [(entry.get("bytes"), entry.get("edges")) for entry in earlier] == [
+            (file.size_bytes, file.edges) for file in inputs
+        ]
+        # A file that grew since, because it was still being copied, is the same movie.
+        same_names = [entry.get("path") for entry in earlier] == [
+            shown_from(file.path, self.path) for file in inputs
+        ]
+        if not earlier or same_content or same_names:
+            return
+        if not overwrite:
+            raise UsageError(
+                f"{self.path} holds results of {earlier[0].get('path')}, not of {inputs[0].path}: "
+                "choose another folder with -o, or replace them with --overwrite"
+            )
+        remove_work(self.path / "parts")
+
+
+@contextlib.contextmanager
+def _as_resource_error(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ResourceError(
+            f"{path} cannot be written ({error.strerror}): free space, or choose another folder "
+            "with -o"
+        ) from error
+
+
+def _files(folder: Path, schema: Schema) -> list[Path]:
+    """Name a table's files: Parquet, drift as CSV, and rotors as both for spreadsheets."""
+    endings = {DRIFT.name: ("csv",), ROTORS.name: ("parquet", "csv")}
+    return [folder / f"{schema.name}.{ending}" for ending in endings.get(schema.name, ("parquet",))]
+
+
+def _write(path: Path, schema: Schema, table: pd.DataFrame, info: TableInfo) -> None:
+    if path.suffix == ".csv":
+        csv.write_csv(path, table)
+    elif schema is LOCALISATIONS:
+        write_localisations(path, table, info)
+    else:
+        parquet.write_table(path, table, schema, dict(info.provenance))
 
 
 _SCHEMAS: dict[str, Schema] = {

@@ -14,7 +14,10 @@ from rotortrack.corrections.quality import passes_quality
 from rotortrack.errors import TableWarning, UsageError
 from rotortrack.exchange import csv
 from rotortrack.exchange.tables import TableInfo, read_info, read_localisations, write_localisations
+from rotortrack.files import atomic_path
+from rotortrack.pipeline.identity import identify, sha256_of
 from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.provenance import Record, following
 from rotortrack.settings import Layer, Settings, resolve
 
 if TYPE_CHECKING:
@@ -59,8 +62,10 @@ def correct_drift(path: Path, target: Path, layers: list[Layer]) -> tuple[Drift,
         settings["drift"],
         pixel_size_nm=settings["movie"].pixel_size_nm,
     )
-    _write(target, apply_drift(table, drift), info, settings, "drift")
-    csv.write_csv(beside, drift.table)
+    with atomic_path(beside) as temporary:
+        # Both or none: what comes last needs no more space.
+        csv.write_csv(temporary, drift.table)
+        _write(path, target, apply_drift(table, drift), info, settings, "drift")
     return drift, beside
 
 
@@ -90,18 +95,21 @@ def filter_table(path: Path, target: Path, layers: list[Layer]) -> tuple[int, in
             stacklevel=2,
         )
     kept = precise[dense_enough(precise, settings["density"])]
-    _write(target, kept, info, settings, "quality", "density")
+    _write(path, target, kept, info, settings, "filter")
     return len(table), len(precise), len(kept)
 
 
 def _write(
-    target: Path, table: pd.DataFrame, info: TableInfo, settings: Settings, *stages: str
+    path: Path, target: Path, table: pd.DataFrame, info: TableInfo, settings: Settings, step: str
 ) -> None:
-    options = settings.as_dict()
-    history = {**info.provenance, **{stage: options[stage] for stage in stages}}
-    pixel_size_nm = settings["movie"].pixel_size_nm
-    write_localisations(
-        target,
-        table,
-        dataclasses.replace(info, pixel_size_nm=pixel_size_nm, provenance=history),
+    record = Record(step)
+    file = identify(path)
+    record.options(settings)
+    record.inputs([file], target.parent, [sha256_of(file)])
+    record.count(localisations=len(table))
+    info = dataclasses.replace(
+        info,
+        pixel_size_nm=settings["movie"].pixel_size_nm,
+        provenance=following(info.provenance, record.provenance),
     )
+    write_localisations(target, table, info)

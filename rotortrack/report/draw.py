@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rotortrack.files import atomic_path
 from rotortrack.pipeline.store import FIGURE_NAME
@@ -84,8 +84,8 @@ def draw_run(
         A mean image without a pixel size.
     """
     target = folder / _FOLDER
-    of_track = _by_rotor(tracks)
-    of_spots = _by_rotor(localisations)
+    of_track = _ByRotor(tracks)
+    of_spots = _ByRotor(localisations)
     curves = {number: msd.curve(part, frame_interval_s) for number, part in of_track.items()}
     listed = _sheet_rows(rotors, max_sheets)
 
@@ -142,13 +142,31 @@ def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[Any, Any]]:
     return rotors.iloc[order[:most]].to_dict("records")
 
 
-def _by_rotor(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
-    """Split a table into its rotors' rows, each in order of frames; -1 belongs to none."""
-    if "rotor" not in table or len(table) == 0:
-        return {}
-    numbers = table["rotor"].to_numpy(np.int64)
-    order = np.lexsort((table["frame"].to_numpy(), numbers))
-    order = order[numbers[order] >= 0]
-    found, starts = np.unique(numbers[order], return_index=True)
-    parts = np.split(order, starts[1:])
-    return {int(number): table.iloc[part] for number, part in zip(found, parts, strict=False)}
+class _ByRotor(Mapping[int, pd.DataFrame]):
+    """A table's rows of each rotor in order of frames, cut out when they are asked for.
+
+    -1 belongs to none.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self._table = table
+        self._rows: dict[int, NDArray[np.intp]] = {}
+        if "rotor" in table and len(table):
+            numbers = table["rotor"].to_numpy(np.int64)
+            order = np.lexsort((table["frame"].to_numpy(), numbers))
+            order = order[numbers[order] >= 0]
+            found, starts = np.unique(numbers[order], return_index=True)
+            parts = np.split(order, starts[1:])
+            self._rows = dict(zip(found.tolist(), parts, strict=False))
+
+    def __getitem__(self, number: int) -> pd.DataFrame:
+        return self._table.iloc[self._rows[number]]
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._rows
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)

@@ -90,6 +90,11 @@ class IdealFilm(Movie):
         self.shape = (scene.n_frames, *scene.shape_px)
         self.dtype: np.dtype[Any] = np.dtype(dtype)
         self.path = None
+        self.paths = ()
+        self.notes = ()
+        self.missing_frames = 0
+        self.times_s = None
+        self.numbers = None
         self.origin_px = (0, 0)
         self.first_frame = 0
         self.metadata = {

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import tifffile
 
 from rotortrack.exchange.tables import read_localisations
 from rotortrack.movies.tiff import open_movie
@@ -70,6 +71,7 @@ def test_run_writes_everything_that_the_readme_lists(run_folder):
     assert names == {
         *("rotors.csv", "rotors.parquet", "tracks.parquet", "localisations.parquet"),
         *("drift.csv", "decisions.parquet", "figures", "run.json", "config.resolved.toml"),
+        *("parts", "log.jsonl"),
     }
     figures = {path.name for path in (run_folder / "figures").iterdir()}
     assert {"field.png", "speeds.png", "cumulative_angles.png", "msds.png", "drift.png"} < figures
@@ -148,6 +150,15 @@ def test_stage_by_stage_gives_what_run_gives(run_folder, tmp_path):
     assert (folder / "tracks.parquet").is_file()
 
 
+def test_localise_says_how_the_axes_were_understood(tmp_path, capfd):
+    with open_movie(ROTORS / "movie.tif") as movie:
+        frames = movie.frames(0, 12)
+    stack = tmp_path / "stack.tif"
+    tifffile.imwrite(stack, frames, imagej=True, metadata={"axes": "ZYX"})
+    assert call("localise", stack, *FLAGS, "-o", tmp_path / "locs.parquet") == 0
+    assert "its 12 z slices are taken as time" in capfd.readouterr().out
+
+
 def test_a_table_of_another_program_becomes_speeds(tmp_path, capfd):
     table = SAMPLES / "thunderstorm" / "localisations.csv.gz"
     folder = tmp_path / "r"
@@ -190,10 +201,58 @@ def test_a_new_table_in_an_old_run_folder_leaves_nothing_of_the_old_run(run_fold
     folder = tmp_path / "r"
     shutil.copytree(run_folder, folder)
     table = SAMPLES / "thunderstorm" / "localisations.csv.gz"
-    assert call("rotors", table, "--frame-interval-s", "0.002", "-o", folder) == 0
+    words = ("rotors", table, "--frame-interval-s", "0.002", "-o", folder)
+    assert call(*words) == 2
+    assert (folder / "tracks.parquet").is_file()
+    assert call(*words, "--overwrite") == 0
+    assert not (folder / "parts").exists()
     assert not (folder / "tracks.parquet").exists()
     assert not (folder / "drift.csv").exists()
     assert not list((folder / "figures").iterdir())
+
+
+def test_a_run_is_reproduced_by_one_command(run_folder, tmp_path, capfd):
+    assert call("run", "--reproduce", run_folder, "--json", "--quiet") == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["identical"]
+    assert told["tables"]["rotors"]["rows"] == 8
+    copy = tmp_path / "copy"
+    shutil.copytree(run_folder, copy)
+    shutil.copy(copy / "decisions.parquet", copy / "tracks.parquet")
+    assert call("run", ROTORS / "movie.tif", "--reproduce", copy) == 3
+    shutil.copytree(run_folder, copy, dirs_exist_ok=True)
+    rotors = pd.read_parquet(copy / "rotors.parquet")
+    rotors["radius_nm"] += 0.1
+    rotors.to_parquet(copy / "rotors.parquet")
+    capfd.readouterr()
+    assert call("run", ROTORS / "movie.tif", "--reproduce", copy) == 3
+    shown = capfd.readouterr()
+    assert "rotors: 8 rows, radius_nm differs" in shown.out
+    assert "was not reproduced" in shown.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run",),
+        ("run", "movie.tif"),
+        ("run", "-o", "folder"),
+        ("run", "--reproduce", "folder", "--read-noise-e", "1"),
+        ("run", "--reproduce", "folder", "--overwrite"),
+        ("run", "--reproduce", "folder", "--no-figures"),
+    ],
+)
+def test_a_run_of_nothing_or_of_two_things_is_a_usage_error(words, capfd):
+    assert call(*words) == 2
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_info_tells_how_far_a_run_came(run_folder, capfd):
+    assert call("info", run_folder, "--json") == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["state"] == "complete"
+    assert told["locked_by"] is None
+    assert set(told["stages"].values()) == {"finished"}
 
 
 def test_motion_can_be_repeated_with_other_options(run_folder, tmp_path):

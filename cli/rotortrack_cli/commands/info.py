@@ -1,4 +1,4 @@
-"""`rotortrack info`: what is in a movie or a run folder, and what was understood of it."""
+"""`rotortrack info`: what is in a file or a run folder, and what was understood of it."""
 
 from __future__ import annotations
 
@@ -10,84 +10,56 @@ from rotortrack_cli.console import Console
 from rotortrack_cli.flags import FILE, Given, gather, stage_options
 from rotortrack_cli.stage_option import StageCommand
 
+_TABLES = (".parquet", ".csv", ".csv.gz", ".hdf5", ".h5")
+_MAPS = ".npz"
+
 
 @click.command("info", cls=StageCommand)
-@click.argument("path", metavar="MOVIE|RUN", type=FILE)
+@click.argument("paths", metavar="MOVIE...|LOCS|MAPS|RUN", type=FILE, nargs=-1, required=True)
 @stage_options("movie", "camera")
 @click.pass_obj
-def command(console: Console, path: Path, given: Given) -> None:
-    """Show what is in a movie or a run folder.
+def command(console: Console, paths: tuple[Path, ...], given: Given) -> None:
+    """Show what is in a movie, a table of localisations, camera maps or a run folder.
 
-    Of a movie: its frames, its metadata with the origin of each value, and the gain that its
-    variance-against-mean slope shows, held against --gain-e-per-adu where that is given.
+    Of a movie (several files are one recording, in their order): frames, metadata with the origin
+    of each value, recorded times, the gain that its variance-against-mean slope shows (held against
+    --gain-e-per-adu where that is given), noise that columns or rows share, saturated and dead
+    pixels, and frames without a picture.
     """
     layers = gather(given)
+    others = [path for path in paths if path.is_dir() or _ends(path, (*_TABLES, _MAPS))]
+    if others and len(paths) > 1:
+        raise click.UsageError(
+            f"{others[0]} is no movie: give a table, camera maps or a run folder alone",
+            click.get_current_context(),
+        )
+    path = paths[0]
     if path.is_dir():
-        _show_run(console, path)
-        return
-    from rotortrack.cameras.photon_transfer import gain_from_movie, warn_if_contradicted
-    from rotortrack.movies.select import select
-    from rotortrack.movies.tiff import open_movie
-    from rotortrack.pipeline.localise_run import settings_for_movie
+        from rotortrack_cli.run_state import show_run
 
-    with open_movie(path) as whole:
-        settings = settings_for_movie(whole, layers)
-        movie = select(whole, settings["movie"].region, settings["movie"].frames)
-        frames, height, width = movie.shape
-        console.text(f"{path}: {frames} frames of {width} x {height} pixels, {movie.dtype}")
-        known = {
-            key: {"value": getattr(settings["movie"], key), "origin": origin}
-            for key in ("pixel_size_nm", "frame_interval_s", "exposure_s")
-            if (origin := settings.origins[f"movie.{key}"]) != "default"
-        }
-        others = {
-            key: {"value": value.value, "origin": value.origin}
-            for key, value in movie.metadata.items()
-            if key not in known
-        }
-        rows = [[key, e["value"], e["origin"]] for key, e in {**known, **others}.items()]
-        rows += [
-            [key, None, f"unknown: give --{key.replace('_', '-')}"]
-            for key in ("pixel_size_nm", "frame_interval_s", "exposure_s")
-            if key not in known
-        ]
-        console.table(["", "value", "origin"], rows)
-        with console.stage("gain"):
-            saturation = settings["camera"].saturation_adu
-            estimate = gain_from_movie(movie, saturation_adu=saturation)
-        given_gain = settings["camera"].gain_e_per_adu
-        if given_gain is not None:
-            warn_if_contradicted(estimate, given_gain)
-    console.text(
-        f"gain from variance against mean: {estimate.gain_e_per_adu:.3g} +- "
-        f"{estimate.sd:.2g} electrons per count"
-        if estimate.reason is None
-        else f"gain from variance against mean: unknown, {estimate.reason}"
-    )
-    console.json(
-        {
-            "frames": frames,
-            "height_px": height,
-            "width_px": width,
-            "dtype": str(movie.dtype),
-            "metadata": {**known, **others},
-            "gain_e_per_adu": estimate.gain_e_per_adu,
-            "gain_sd_e_per_adu": estimate.sd,
-        }
-    )
+        show_run(console, path)
+    elif _ends(path, _TABLES):
+        from rotortrack.pipeline.describe_table import describe_table
+        from rotortrack.pipeline.presets import SECTIONS
+        from rotortrack.settings import resolve
+        from rotortrack_cli.description import show_table
+
+        pixel_size_nm = resolve(SECTIONS, layers)["movie"].pixel_size_nm
+        show_table(console, describe_table(path, pixel_size_nm=pixel_size_nm))
+    elif _ends(path, (_MAPS,)):
+        from rotortrack.pipeline.describe_table import describe_maps
+        from rotortrack_cli.description import show_maps
+
+        show_maps(console, path, describe_maps(path))
+    else:
+        from rotortrack.pipeline.describe_movie import describe_movie
+        from rotortrack_cli.description import show_movie
+        from rotortrack_cli.stages import Stages
+
+        with Stages(console) as stages:
+            report = describe_movie(paths, layers, progress=stages)
+        show_movie(console, report)
 
 
-def _show_run(console: Console, path: Path) -> None:
-    from rotortrack.pipeline.store import RunFolder
-
-    folder = RunFolder.open(path)
-    manifest = folder.read_manifest()
-    for key in ("command", "inputs", "counts", "seconds", "notes", "warnings"):
-        console.text(f"{key}: {manifest.get(key)}")
-    rows = [
-        [section, key, str(entry["value"]), entry["origin"]]
-        for section, entries in manifest.get("options", {}).items()
-        for key, entry in entries.items()
-    ]
-    console.table(["section", "option", "value", "origin"], rows)
-    console.json(manifest)
+def _ends(path: Path, endings: tuple[str, ...]) -> bool:
+    return path.name.lower().endswith(endings)

@@ -15,24 +15,26 @@ from rotortrack_cli.stages import Stages
 
 
 @click.command("localise", cls=StageCommand)
-@click.argument("movie", metavar="MOVIE", type=FILE)
+@click.argument("movies", metavar="MOVIE...", type=FILE, nargs=-1, required=True)
 @output_option("LOCS", "Table to write: .parquet, .csv (ThunderSTORM) or .hdf5 (Picasso).")
 @stage_options("movie", "camera", "localise")
 @click.pass_obj
-def command(console: Console, movie: Path, output: Path, given: Given) -> None:
-    """Find and fit the spots of every frame of MOVIE."""
+def command(console: Console, movies: tuple[Path, ...], output: Path, given: Given) -> None:
+    """Find and fit the spots of every frame of MOVIE; several files are one recording."""
     start = time.perf_counter()
     layers = gather(given)
     from rotortrack.pipeline.localise_run import localise_to_file, opened
 
-    with opened(movie, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
+    with opened(movies, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
         counts = localise_to_file(source, output, workers=given.workers, progress=stages)
-        frames = source.movie.shape[0]
+        frames, notes = source.movie.shape[0], source.movie.notes
     seconds = time.perf_counter() - start
     console.text(
         f"{counts.localisations} localisations of {counts.candidates} candidates in {frames} "
         f"frames written to {output}"
     )
+    for note in notes:
+        console.text(note)
     for flag, count in counts.flags.items():
         if count:
             console.text(f"{count} {str(flag.name).lower()}: {flag.sentence}")
@@ -47,4 +49,4 @@ def command(console: Console, movie: Path, output: Path, given: Given) -> None:
         }
     )
     if given.strict and counts.localisations == 0:
-        raise NothingFoundError(f"{movie} has no spot above the threshold: lower --threshold")
+        raise NothingFoundError(f"{movies[0]} has no spot above the threshold: lower --threshold")

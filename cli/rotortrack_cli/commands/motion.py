@@ -22,12 +22,15 @@ def command(console: Console, run: Path, no_figures: bool, given: Given) -> None
     """Measure angles, speeds, diffusion and behaviour of the rotors in the run folder RUN."""
     start = time.perf_counter()
     layers = gather(given)
-    from rotortrack.pipeline.run import motion_of_run
+    from rotortrack.pipeline.folder_runs import motion_of_run
     from rotortrack_cli.figures import draw
     from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
-        result = motion_of_run(run, layers, progress=stages)
-        if not no_figures:
-            draw(result, stages)
+        result = motion_of_run(
+            run,
+            layers,
+            progress=stages,
+            draw=None if no_figures else lambda result: draw(result, stages),
+        )
     conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)

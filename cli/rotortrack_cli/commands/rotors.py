@@ -16,6 +16,7 @@ from rotortrack_cli.stages import Stages
 @click.command("rotors", cls=StageCommand)
 @click.argument("locs", metavar="LOCS", type=FILE)
 @output_option("RUN", "The run folder.")
+@click.option("--overwrite", is_flag=True, help="Replace results of another table in RUN.")
 @stage_options(
     "movie.pixel_size_nm",
     "movie.frame_interval_s",
@@ -25,7 +26,7 @@ from rotortrack_cli.stages import Stages
     "screen",
 )
 @click.pass_obj
-def command(console: Console, locs: Path, output: Path, given: Given) -> None:
+def command(console: Console, locs: Path, output: Path, overwrite: bool, given: Given) -> None:
     """Group the localisations in LOCS into rotors, fit circles and screen them.
 
     LOCS may come from any program (.parquet, ThunderSTORM .csv, Picasso .hdf5) and is taken as it
@@ -33,9 +34,9 @@ def command(console: Console, locs: Path, output: Path, given: Given) -> None:
     """
     start = time.perf_counter()
     layers = gather(given)
-    from rotortrack.pipeline.run import rotors_from_table
+    from rotortrack.pipeline.folder_runs import rotors_from_table
     from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
-        result = rotors_from_table(locs, layers, output, progress=stages)
+        result = rotors_from_table(locs, layers, output, overwrite=overwrite, progress=stages)
     conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)

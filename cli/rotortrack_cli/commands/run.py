@@ -8,22 +8,55 @@ from pathlib import Path
 import click
 
 from rotortrack_cli.console import Console
-from rotortrack_cli.flags import FILE, Given, gather, output_option, stage_options
+from rotortrack_cli.flags import FILE, Given, gather, stage_options
 from rotortrack_cli.stage_option import StageCommand
 from rotortrack_cli.stages import Stages
 
 
 @click.command("run", cls=StageCommand)
-@click.argument("movie", metavar="MOVIE", type=FILE)
-@output_option("RUN", "The run folder.")
+@click.argument("movies", metavar="MOVIE...", type=FILE, nargs=-1)
+@click.option("--output", "-o", type=FILE, metavar="RUN", help="The run folder.")
+@click.option("--overwrite", is_flag=True, help="Replace results of another movie in RUN.")
 @click.option("--no-figures", is_flag=True, help="Write tables alone.")
+@click.option(
+    "--reproduce",
+    type=FILE,
+    metavar="RUN",
+    help="Repeat a finished run with its recorded options and compare the tables.",
+)
 @stage_options("movie", "camera")
 @click.pass_obj
-def command(console: Console, movie: Path, output: Path, no_figures: bool, given: Given) -> None:
-    """Analyse MOVIE from frames to rotor speeds.
+def command(
+    console: Console,
+    movies: tuple[Path, ...],
+    output: Path | None,
+    overwrite: bool,
+    no_figures: bool,
+    reproduce: Path | None,
+    given: Given,
+) -> None:
+    """Analyse MOVIE from frames to rotor speeds; several files are one recording, in their order.
 
-    Options of every stage go into a configuration file (-c), or behind --set.
+    A run that was stopped goes on where it was when the same command is given again; a changed
+    option reruns its stage and the later ones. Options of every stage go into a configuration file
+    (-c), or behind --set.
     """
+    if reproduce is not None:
+        if overwrite or no_figures:
+            raise click.UsageError(
+                "--reproduce draws no figures and replaces nothing: leave --overwrite and "
+                "--no-figures out",
+                click.get_current_context(),
+            )
+        from rotortrack_cli.reproduction import repeat
+
+        repeat(console, reproduce, movies, output, given)
+        return
+    missing = [word for word, value in (("MOVIE", movies), ("-o RUN", output)) if not value]
+    if missing or output is None:
+        raise click.UsageError(
+            f"{' and '.join(missing)} must be given", click.get_current_context()
+        )
     start = time.perf_counter()
     layers = gather(given)
     from rotortrack.pipeline.run import run_movie
@@ -31,7 +64,13 @@ def command(console: Console, movie: Path, output: Path, no_figures: bool, given
     from rotortrack_cli.summary import conclude
 
     with Stages(console) as stages:
-        result = run_movie(movie, layers, output, workers=given.workers, progress=stages)
-        if not no_figures:
-            draw(result, stages)
+        result = run_movie(
+            movies,
+            layers,
+            output,
+            workers=given.workers,
+            overwrite=overwrite,
+            progress=stages,
+            draw=None if no_figures else lambda result: draw(result, stages),
+        )
     conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)

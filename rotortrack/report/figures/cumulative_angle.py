@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -64,7 +65,7 @@ def draw(axes: Axes, track: pd.DataFrame, rotor: Row, *, frame_interval_s: float
 
 @canvas.in_house_style
 def all_rotors(
-    rotors: pd.DataFrame, tracks: dict[int, pd.DataFrame], *, frame_interval_s: float
+    rotors: pd.DataFrame, tracks: Mapping[int, pd.DataFrame], *, frame_interval_s: float
 ) -> Figure:
     """Draw the cumulative angles of all kept rotors, coloured by behaviour.
 

@@ -157,3 +157,18 @@ def test_localising_needs_no_pandas():
         "assert 'trackpy' not in sys.modules and 'scipy.optimize' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.parametrize("block_frames", [1, 5, 64])
+def test_dropped_frames_are_gaps_in_the_column_frame(block_frames):
+    movie = ArrayMovie(film())
+    movie.numbers = np.array([0, 1, 2, 5, 6, 7, 8, 9, 10, 40, 41, 42])
+    part = select(movie, frames=(2, 11))
+    blocks = localise(
+        part, CAMERA, LocaliseOptions(), pixel_size_nm=PIXEL, block_frames=block_frames
+    )
+    frame = np.concatenate([block.columns["frame"] for block in blocks])
+    assert np.unique(frame).tolist() == movie.numbers[2:11].tolist()
+    whole = run(movie)
+    kept = whole["frame"].isin(movie.numbers[2:11])
+    assert frame.tolist() == whole.loc[kept, "frame"].tolist()

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
+import dataclasses
 import json
 import tomllib
 import warnings
 
 import pytest
 
-from rotortrack.errors import InputError, RotortrackWarning
+from rotortrack.errors import DriftWarning, RotortrackWarning
 from rotortrack.pipeline.presets import SECTIONS
-from rotortrack.pipeline.provenance import Record, describe_input, to_toml
+from rotortrack.pipeline.provenance import Noted, Record, to_toml
 from rotortrack.settings import Layer, resolve
 
 GIVEN = {"movie": {"pixel_size_nm": 108.3, "region": [1, 2, 30, 40]}, "motion": {"min_steps": 9}}
@@ -26,25 +26,13 @@ def test_toml_of_the_settings_gives_the_same_settings():
     assert again.sections == settings().sections
 
 
-def test_an_input_is_named_from_the_run_folder_with_size_and_hash(tmp_path):
-    (tmp_path / "movies").mkdir()
-    path = tmp_path / "movies" / "a.tif"
-    path.write_bytes(b"12345")
-    found = describe_input(path, tmp_path / "runs" / "one")
-    assert found == {
-        "path": "../../movies/a.tif",
-        "bytes": 5,
-        "sha256": hashlib.sha256(b"12345").hexdigest(),
-    }
-    with pytest.raises(InputError, match=r"none\.tif"):
-        describe_input(tmp_path / "none.tif", tmp_path)
-
-
 def test_a_manifest_gives_the_options_back_with_their_origin():
     record = Record("rotors")
     record.options(settings())
     record.count(frames=7)
-    layers = Record("motion").continue_from(json.loads(record.json()))
+    later = Record("motion")
+    layers = later.continue_from(json.loads(json.dumps(record.content)))
+    assert later.content["steps"] == ["rotors", "motion"]
     again = resolve(SECTIONS, layers)
     assert again.sections == settings().sections
     assert again.origins["movie.pixel_size_nm"] == "flag"
@@ -67,3 +55,42 @@ def test_stages_are_timed_even_when_they_fail():
     with pytest.raises(ZeroDivisionError), record.timed("stage"):
         raise ZeroDivisionError
     assert record.content["seconds"]["stage"] >= 0
+
+
+def test_what_a_stage_notes_is_repeated_when_the_stage_is_taken_over():
+    first = Record("run")
+    first.count(frames=3)
+
+    def stage():
+        with first.warnings(), first.noting() as noted:
+            first.note("a choice")
+            first.count(precise=2)
+            warnings.warn("weak", DriftWarning, stacklevel=1)
+        return noted
+
+    with pytest.warns(DriftWarning):
+        noted = stage()
+    kept = Noted.from_json(json.loads(json.dumps(dataclasses.asdict(noted))))
+    second = Record("run")
+    second.count(frames=3)
+    with pytest.warns(DriftWarning, match="weak"), second.warnings():
+        second.repeat(kept)
+    for key in ("notes", "warnings", "counts"):
+        assert second.content[key] == first.content[key]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [{}, {"notes": 3, "warnings": [], "counts": {}}, {"notes": [], "warnings": [3], "counts": {}}],
+)
+def test_what_was_not_noted_by_us_is_refused(content):
+    with pytest.raises((KeyError, TypeError, ValueError)):
+        Noted.from_json(content)
+
+
+def test_tables_repeat_nothing_that_changes_from_run_to_run():
+    records = [Record("run"), Record("run")]
+    for record, seconds in zip(records, (1.0, 2.0), strict=True):
+        record.content["seconds"]["localise"] = seconds
+    assert records[0].provenance == records[1].provenance
+    assert {"versions", "inputs", "options", "counts"} <= set(records[0].provenance)
