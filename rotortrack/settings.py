@@ -11,6 +11,7 @@ import dataclasses
 import difflib
 import functools
 import itertools
+import re
 import stat
 import tomllib
 import types
@@ -261,7 +262,9 @@ def parse_toml(content: bytes, path: Path) -> dict[str, dict[str, Any]]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path} is not UTF-8 text: save it as UTF-8") from error
-    dotted = [n for n, line in enumerate(text.splitlines(), 1) if line.count(".") > _MAXIMUM_DOTS]
+    # Behind a quotation mark in the same line it is doubtful what is a comment.
+    lines = re.sub(r"(?m)^([^\"'#\n]*)#[^\"'\n]*$", r"\1", text).split("\n")
+    dotted = [number for number, line in enumerate(lines, 1) if line.count(".") > _MAXIMUM_DOTS]
     if dotted:
         raise ConfigurationError(
             f"{path} has more than {_MAXIMUM_DOTS} dots in line {dotted[0]}, which no option needs"

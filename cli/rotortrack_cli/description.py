@@ -1,4 +1,4 @@
-"""How `rotortrack info` shows a movie, a table or camera maps."""
+"""How `rotortrack info` shows a movie, a table, camera maps or a configuration."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from rotortrack_cli.console import Console, one_line
 if TYPE_CHECKING:
     from rotortrack.cameras.line_noise import LineNoise
     from rotortrack.cameras.pixels import PixelCheck
+    from rotortrack.pipeline.describe_configuration import ConfigurationReport
     from rotortrack.pipeline.describe_movie import MovieReport
     from rotortrack.pipeline.describe_table import MapReport, TableReport
 
 WIDTH = 100
 _LABEL = 18
 _MOST_LISTED = 8
+_NOT_LATE_S = 1e-6
+_LONGEST_VALUE = 40
 _RECORDED = ("pixel_size_nm", "frame_interval_s", "frames", "width_px", "height_px")
 
 
@@ -31,8 +34,8 @@ def show_movie(console: Console, report: MovieReport) -> None:
     if len(report.files) > 1:
         files += f" and {_count(len(report.files) - 1, 'more file')}"
     console.text(
-        f"{files}: {frames} frames of {width} x {height} pixels, {report.dtype}, "
-        f"{_size(report.size_bytes)}\n"
+        f"{files}: {frames} frame{'s' * (frames != 1)} of {width} x {height} pixels, "
+        f"{report.dtype}, {_size(report.size_bytes)}\n"
     )
     rows = [
         [name, report.values[name].value, report.values[name].origin]
@@ -124,6 +127,23 @@ def show_maps(console: Console, path: Path, reports: Sequence[MapReport]) -> Non
     )
 
 
+def show_configuration(console: Console, report: ConfigurationReport) -> None:
+    """Print which options a configuration gives."""
+    console.text(f"{report.path}: {report.kind}, {_count(len(report.options), 'option')}\n")
+    rows = [[o.section, o.name, _spelt(o.value), o.meaning] for o in report.options]
+    console.table(["section", "option", "value", "meaning"], rows)
+    if report.left_out:
+        console.text("")
+    for sentence in report.left_out:
+        _entry(console, "not taken over", sentence)
+    console.json(report.as_dict())
+
+
+def _spelt(value: Any) -> str:
+    text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    return textwrap.shorten(one_line(text), _LONGEST_VALUE, placeholder=" ...")
+
+
 def _entry(console: Console, label: str, text: str) -> None:
     console.text(
         textwrap.fill(
@@ -143,10 +163,12 @@ def _times(report: MovieReport) -> str:
         return (
             f"irregular: {times.low_s * 1e3:.4g} to {times.high_s * 1e3:.4g} ms from frame to frame"
         )
-    text = (
-        f"every {times.interval_s * 1e3:.6g} ms, 95 % of the frames less than "
-        f"{times.jitter_s * 1e3:.2g} ms late, "
+    late = (
+        "on time"
+        if times.jitter_s < _NOT_LATE_S
+        else f"less than {times.jitter_s * 1e3:.2g} ms late"
     )
+    text = f"every {times.interval_s * 1e3:.6g} ms, 95 % of the frames {late}, "
     if not times.dropped:
         return text + "none dropped"
     return text + f"{_count(times.dropped, 'frame')} dropped in {_count(times.places, 'place')}"

@@ -159,9 +159,9 @@ def gather(given: Given) -> list[Layer]:
     if given.config is not None:
         layers.append(_read_config(given.config))
     if assignments:
-        layers.append(Layer("--set", assignments))
+        layers.append(Layer("--set", _located(assignments, Path())))
     if given.flags:
-        layers.append(Layer("flag", given.flags))
+        layers.append(Layer("flag", _located(given.flags, Path())))
     resolve(SECTIONS, layers)
     return layers
 
@@ -180,12 +180,20 @@ def _read_config(path: Path) -> Layer:
             warnings.warn(f"protocol {path.name}: {sentence}", ProtocolWarning, stacklevel=2)
         return Layer(f"protocol {path.name}", protocol.values)
     values = parse_toml(content, path)
+    return Layer(f"config {path}", _located(values, path.parent))
+
+
+def _located(
+    values: Mapping[str, Mapping[str, Any]], folder: Path
+) -> Mapping[str, Mapping[str, Any]]:
+    """Say where the camera maps lie without regard to a folder: a run records it for later."""
     maps = values.get("camera", {}).get("camera_maps")
-    if isinstance(maps, str):
-        # A name with a NUL is no name; the reader of the maps says so.
-        with contextlib.suppress(ValueError, OSError, RuntimeError):
-            values["camera"]["camera_maps"] = str((path.parent / maps).resolve())
-    return Layer(f"config {path}", values)
+    if not isinstance(maps, str):
+        return values
+    # A folder that was removed has no name; the reader of the maps says so.
+    with contextlib.suppress(OSError):
+        maps = str((folder / maps).absolute())
+    return {**values, "camera": {**values["camera"], "camera_maps": maps}}
 
 
 _LONGEST_VALUE = 1_000

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from rotortrack_cli.console import Console
 
+FILES_SHOWN = 5
+
 
 def show_run(console: Console, path: Path) -> None:
     """Show how far a run came, what it found, and with which options."""
@@ -20,11 +22,14 @@ def show_run(console: Console, path: Path) -> None:
         console.text(f"at work now: {state.owner}")
     if state.sentence:
         console.text(state.sentence)
-    for entry in manifest["inputs"]:
+    inputs = manifest["inputs"]
+    for entry in inputs if len(inputs) <= FILES_SHOWN else (inputs[0], inputs[-1]):
         console.text(
             f"input: {entry.get('path')}, {entry.get('bytes')} bytes, SHA-256 "
             f"{entry.get('sha256') or 'not known yet'}"
         )
+    if len(inputs) > FILES_SHOWN:
+        console.text(f"input: the first and the last of {len(inputs)} files are shown")
     if state.stages:
         console.text("")
         console.table(["stage", "kept for the next run"], state.stages)

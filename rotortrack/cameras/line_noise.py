@@ -116,7 +116,8 @@ def line_noise(movie: Movie, *, most_pairs: int = MOST_PAIRS) -> tuple[LineNoise
     frames, height, width = movie.shape
     pairs = min(most_pairs, frames // 2)
     if pairs < _FEWEST_PAIRS:
-        return _both(f"the movie has {frames} frames; {2 * _FEWEST_PAIRS} are needed")
+        has = f"{frames} frame" if frames == 1 else f"{frames} frames"
+        return _both(f"the movie has {has}; {2 * _FEWEST_PAIRS} are needed")
     if min(height, width) < _SMALLEST_SIDE:
         return _both(
             f"the frames of {width} x {height} pixels are smaller than {_SMALLEST_SIDE} x "

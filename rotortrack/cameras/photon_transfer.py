@@ -93,7 +93,8 @@ def gain_from_movie(
     frames = movie.shape[0]
     pairs = min(most_pairs, frames // 2)
     if pairs < _FEWEST_PAIRS:
-        return _none(pairs, f"the movie has {frames} frames; {2 * _FEWEST_PAIRS} are needed")
+        has = f"{frames} frame" if frames == 1 else f"{frames} frames"
+        return _none(pairs, f"the movie has {has}; {2 * _FEWEST_PAIRS} are needed")
     if min(movie.shape[1:]) <= 2 * _REACH:
         return _none(pairs, "the frames are smaller than the 5 x 5 pixels of the filter")
     mean, variance, pairs = _mean_and_variance(movie, pairs, saturation_adu)
@@ -178,7 +179,9 @@ def _mean_and_variance(
 
 
 def tells_of_noise(pair: NDArray[Any]) -> bool:
-    """Whether two frames tell of noise: neither is black or full, nor one the other's copy."""
+    """Whether two frames tell of noise: neither is black, full or lost, nor the other's copy."""
+    if not np.isfinite(pair).any(axis=(1, 2)).all():
+        return False
     low, high = pair.min(axis=(1, 2)), pair.max(axis=(1, 2))
     return bool(np.all(low != high)) and not np.array_equal(pair[0], pair[1])
 

@@ -32,7 +32,8 @@ class Dialect:
     Parameters
     ----------
     header
-        Cells of the first line that is not blank; none where there is no such line.
+        Cells of the first line that is not blank; none where there is no such line. Where every
+        row ends in one more delimiter, there is an empty cell for what it seems to begin.
     header_line
         Its number, from 1.
     delimiter, decimal_point, quoted
@@ -73,8 +74,13 @@ def read_dialect(path: Path) -> Dialect:
         if "," in row and (quoted or delimiter != ","):
             numbers = map(_DECIMAL.fullmatch, cells_of(row, delimiter, quoted=quoted))
             signs.update(number[1] for number in numbers if number)
+    names = cells_of(header, delimiter)
+    if rows and all(row.endswith(delimiter) for row in rows):
+        lengths = {len(cells_of(row, delimiter, quoted=quoted)) for row in rows}
+        if lengths == {len(names) + 1}:
+            names.append("")
     return Dialect(
-        header=cells_of(header, delimiter),
+        header=names,
         header_line=filled[0] + 1,
         delimiter=delimiter,
         decimal_point="," if signs == {","} else ".",

@@ -138,7 +138,7 @@ def _understand(
         if name in _SIGNALS and unit.lower() not in ("photon", "photons"):
             in_adu.append(cell)
             column = None
-        elif column is None and name not in _IGNORED:
+        elif column is None and name not in _IGNORED and (cell or index < len(cells) - 1):
             unknown.append(cell)
         names.append(column or f"cell {index}")
         if column is not None:
@@ -150,8 +150,9 @@ def _understand(
     missing = [name for name in ("frame", "x_nm", "y_nm") if name not in taken]
     if missing:
         wanted = ", ".join(_HEADER_OF[name] for name in missing)
+        remedy = ": its first line must name the columns" if len(missing) == len(_HEADER_OF) else ""
         raise TableError(
-            f"{path} is no ThunderSTORM table: it lacks {wanted}; found {listed(cells)}"
+            f"{path} is no ThunderSTORM table: it lacks {wanted}; found {listed(cells)}{remedy}"
         )
     _warn_of(unknown, in_adu, path)
     return names, scales

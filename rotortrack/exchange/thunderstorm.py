@@ -54,6 +54,7 @@ _UNREADABLE_ROW = "CSV parse error"
 """Arrow's words for a row of a wrong length that it cannot hand on, as it is not UTF-8."""
 
 _BAD_CELL = re.compile("invalid value '(.*)'")
+_COMMA = re.compile(r"\s*[-+]?[\d.]{0,30},\d{1,30}\s*")
 
 WRITTEN = {
     "x_nm": "x [nm]",
@@ -243,9 +244,10 @@ def _batches(
         part = cell[1] if cell else ""
         line = first_line_where(path, layout, layout.is_not_numeric, part=part)
         where = f" in line {line}" if line else f" ({first_line(error)})"
-        raise TableError(
-            f"{path}: a cell{where} is not a number; correct or remove that row"
-        ) from error
+        remedy = "; correct or remove that row"
+        if _COMMA.fullmatch(part):
+            remedy = f" ({part}: is it a decimal comma?); export the table with decimal points"
+        raise TableError(f"{path}: a cell{where} is not a number{remedy}") from error
 
 
 def _to_columns(batch: pa.RecordBatch, layout: Layout, first: int) -> Columns:

@@ -211,11 +211,11 @@ def _shaped_claim(page: tifffile.TiffPage) -> Claim | None:
 def _tag_metadata(page: tifffile.TiffPage) -> dict[str, Value]:
     """Read a pixel size in metric units; dots per inch describe a print and say nothing."""
     unit = _UNIT_OF_RESOLUTION.get(int(page.resolutionunit))
-    return collect(
-        "file (TIFF resolution)",
-        pixel_size_nm=_pixel_size(page, unit) if unit else None,
-        software=page.software,
-    )
+    size_nm = _pixel_size(page, unit) if unit else None
+    return {
+        **collect("file (TIFF resolution)", pixel_size_nm=size_nm),
+        **collect("file (TIFF)", software=page.software),
+    }
 
 
 def _imagej_metadata(page: tifffile.TiffPage, imagej: Mapping[str, Any]) -> dict[str, Value]:

@@ -60,7 +60,7 @@ class MovieOptions(Options):
         None, "part of the sensor to use: x0, y0, width, height in pixels", ge=0, check=_has_area
     )
     frames: tuple[int, int] | None = option(
-        None, "frames to use: first, and one past the last", ge=0, check=_ordered
+        None, "stored frames to use: first, and one past the last", ge=0, check=_ordered
     )
     axes: str | None = option(
         None,

@@ -73,8 +73,8 @@ def with_times(facts: Facts, times_s: NDArray[np.float64] | None, name: str, ori
     Warns
     -----
     MetadataWarning
-        Some frames have no time, the times go back, follow no common interval, or contradict the interval that the file
-        names.
+        Some frames have no time, the times go back, follow no common interval, or contradict the
+        interval that the file names.
     """
     untimed = 0 if times_s is None else int(np.isnan(times_s).sum())
     if times_s is None or len(times_s) < 2 or untimed == len(times_s):

@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rotortrack.errors import InputError
+from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.exchange.writer import TableInfo
 from rotortrack.pipeline import stages
 from rotortrack.pipeline.identity import identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record, following
-from rotortrack.pipeline.run import Draw, Result, record_found, record_verdicts
+from rotortrack.pipeline.run import Draw, Result, record_found, record_verdicts, stage
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
 from rotortrack.settings import Layer, resolve
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_MOTION_USES = ("movie.frame_interval_s", "movie.exposure_s", "motion")
+# The options of motion are recorded for the command that follows.
+_ROTORS_USE = (
+    *("movie.pixel_size_nm", "movie.mirrored", "cluster", "circle", "screen"),
+    *_MOTION_USES,
+)
 
 
 def rotors_from_table(
@@ -44,10 +52,10 @@ def rotors_from_table(
         record.warnings(),
         RunFolder.claim(target, "rotors", [file], overwrite=overwrite) as folder,
     ):
-        settings, info = settings_for_table(path, layers)
+        settings, info = settings_for_table(path, only(_ROTORS_USE, layers))
         settings.require("movie.frame_interval_s")
         table = read_for(settings, path)
-        record.options(settings)
+        record.options(settings, _ROTORS_USE)
         record.inputs([file], target, [sha256_of(file)])
         n_frames = _frames_of(table, info)
         record.count(frames=n_frames, localisations=len(table))
@@ -70,7 +78,8 @@ def rotors_from_table(
             frame_interval_s=movie.frame_interval_s,
             provenance=following(info.provenance, record.provenance),
         )
-        folder.commit(tables, info, record, settings)
+        folder.commit(tables, info, record)
+        folder.remove_kept_work()
     return Result(folder, settings, record, tables)
 
 
@@ -85,28 +94,59 @@ def motion_of_run(
     record = Record("motion")
     with record.warnings(), RunFolder.claim(path, "motion") as folder:
         RunFolder.open(path)
-        earlier = record.continue_from(folder.read_manifest())
-        settings = resolve(SECTIONS, [*earlier, *layers])
+        manifest = folder.read_manifest()
+        earlier = record.continue_from(manifest)
+        settings = resolve(SECTIONS, [*earlier, *only(_MOTION_USES, layers)])
         settings.require("movie.frame_interval_s")
-        record.options(settings)
-        tables = {name: folder.read(name) for name in ("localisations", "rotors", "drift")}
-        if "verdict" not in tables["rotors"]:
-            raise InputError(f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again")
-        with record.timed("motion"):
-            progress("motion", 0, 0)
+        recorded = {
+            f"{section}.{key}" for section, values in manifest["options"].items() for key in values
+        }
+        record.options(settings, recorded.union(_MOTION_USES))
+        with stage(folder, record, progress, "motion"):
+            tables = {name: folder.read(name) for name in ("localisations", "rotors", "drift")}
+            if "verdict" not in tables["rotors"]:
+                raise InputError(
+                    f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again"
+                )
             moved = stages.move(tables["localisations"], tables["rotors"], settings)
-        tables.update(rotors=moved.rotors, tracks=moved.tracks)
-        written = {name: tables[name] for name in ("rotors", "tracks")}
-        info = TableInfo(provenance=record.provenance)
-        kept = ("localisations", "drift", "decisions")
-        unfinished = None if draw is None else "figures"
-        folder.commit(written, info, record, settings, keep=kept, unfinished=unfinished)
+            tables.update(rotors=moved.rotors, tracks=moved.tracks)
+            written = {name: tables[name] for name in ("rotors", "tracks")}
+            info = TableInfo(provenance=record.provenance)
+            kept = ("localisations", "drift", "decisions")
+            unfinished = None if draw is None else "figures"
+            folder.commit(written, info, record, keep=kept, unfinished=unfinished)
         result = Result(folder, settings, record, tables)
         if draw is not None:
-            with record.timed("figures"):
+            with stage(folder, record, progress, "figures"):
                 draw(result)
         folder.note_finished(record)
     return result
+
+
+def only(uses: Collection[str], layers: list[Layer]) -> list[Layer]:
+    """Keep the options that a stage uses; a record must not name others, which changed nothing.
+
+    Raises
+    ------
+    ConfigurationError
+        The user gave another option to this command by name.
+    """
+    kept, mistakes = [], []
+    for layer in layers:
+        values: dict[str, dict[str, object]] = {}
+        for section, entries in layer.values.items():
+            for key, value in entries.items():
+                if section in uses or f"{section}.{key}" in uses:
+                    values.setdefault(section, {})[key] = value
+                elif layer.origin in ("flag", "--set"):
+                    mistakes.append(
+                        f"{layer.origin}: {section}.{key} belongs to an earlier stage and would "
+                        "change nothing here: leave it out, or use `rotortrack run`"
+                    )
+        kept.append(Layer(layer.origin, values))
+    if mistakes:
+        raise ConfigurationError(*mistakes)
+    return kept
 
 
 def _frames_of(table: pd.DataFrame, info: TableInfo) -> int:

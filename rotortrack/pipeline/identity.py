@@ -16,6 +16,9 @@ from typing import Any
 
 from rotortrack.errors import InputError
 
+HEAD = 16
+"""Letters of `Identity.edges` that tell of the beginning of a file."""
+
 _EDGE_BYTES = 2**20
 _CHUNK_BYTES = 4 * 2**20
 
@@ -31,7 +34,7 @@ class Identity:
     size_bytes, modified_ns
         Its size and the time of its last change.
     edges
-        Hash of its first and last megabyte.
+        Hash of its first megabyte, `HEAD` letters long, and of its last one.
     """
 
     path: Path
@@ -59,14 +62,14 @@ def identify(path: Path) -> Identity:
             raise InputError(f"{path} is not a file: give the path of one file")
         with path.open("rb") as file:
             status = os.fstat(file.fileno())
-            digest = hashlib.blake2b(file.read(_EDGE_BYTES), digest_size=16)
+            head = hashlib.blake2b(file.read(_EDGE_BYTES), digest_size=HEAD // 2)
             file.seek(max(0, status.st_size - _EDGE_BYTES))
-            digest.update(file.read(_EDGE_BYTES))
+            tail = hashlib.blake2b(file.read(_EDGE_BYTES), digest_size=HEAD // 2)
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}): check that it is there and readable"
         ) from error
-    return Identity(path, status.st_size, status.st_mtime_ns, digest.hexdigest())
+    return Identity(path, status.st_size, status.st_mtime_ns, head.hexdigest() + tail.hexdigest())
 
 
 def refuse_changed(identities: Iterable[Identity]) -> None:

@@ -7,6 +7,7 @@ or a changed line of code gives another key to its stage and to all later ones, 
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
@@ -50,7 +51,7 @@ STAGES = (
             *("movie.region", "movie.frames", "movie.axes", "movie.channel", "movie.z_slice"),
             *("movie.salvage", "camera"),
         ),
-        (*_NOUNS, "movies", "cameras"),
+        (*_NOUNS, "movies", "cameras", "pipeline/run.py", "pipeline/checkpoints.py"),
     ),
     Stage(
         "localise",
@@ -97,12 +98,18 @@ def _chosen(stage: Stage, settings: Settings) -> dict[str, Any]:
     for word in stage.options:
         section, _, name = word.partition(".")
         chosen[word] = values[section].get(name) if name else values[section]
+    if "camera" in chosen:
+        chosen["camera"].pop("camera_maps", None)  # their content counts, not where they lie
     return chosen
 
 
 @functools.cache
 def _versions() -> tuple[str, ...]:
-    return (platform.python_version(), *map(importlib.metadata.version, _LIBRARIES))
+    codecs = ""
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        codecs = importlib.metadata.version("imagecodecs")
+    libraries = map(importlib.metadata.version, _LIBRARIES)
+    return (platform.python_version(), platform.machine(), *libraries, codecs)
 
 
 @functools.cache

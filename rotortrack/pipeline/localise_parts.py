@@ -81,6 +81,7 @@ def localise_in_parts(
             except TableError:
                 _remove_damaged(found)
             else:
+                progress(_STAGE, source.movie.shape[0], source.movie.shape[0])
                 _recount(source, found, record)
                 return table, hashes
         facts = None

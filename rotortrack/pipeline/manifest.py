@@ -77,7 +77,7 @@ def _is_manifest(content: object) -> bool:
             for word in content[key]
         )
         and isinstance(unfinished, dict)
-        and all(isinstance(value, str) for value in unfinished.values())
+        and all(isinstance(unfinished.get(key, ""), str) for key in ("command", "stage", "reason"))
         and all(
             isinstance(section, dict)
             and all(

@@ -118,8 +118,14 @@ class Parts:
         """Remove the work of other inputs and options, and what a killed run left half-written."""
         wanted = {self.folder(stage).name for stage in self._keys}
         remove_work(self.root, wanted)
-        for name in wanted:
-            files.sweep(self.root / name)
+        sweep_work(self.root)
+
+
+def sweep_work(root: Path) -> None:
+    """Remove what killed runs left half-written among the work of all stages."""
+    for place in root.iterdir() if root.is_dir() else ():
+        if _FOLDER.fullmatch(place.name):
+            files.sweep(place)
 
 
 def remove_work(root: Path, wanted: Container[str] = ()) -> None:

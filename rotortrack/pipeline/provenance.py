@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import json
 import os
 import platform
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 
 from rotortrack import errors
 from rotortrack.errors import RotortrackWarning
+from rotortrack.kernels import source_hash
 from rotortrack.localise.engine import Counts
 from rotortrack.pipeline.identity import Identity, describe
 from rotortrack.settings import Layer, Settings
@@ -30,10 +32,13 @@ RECORDED_FRAMES = "recorded_frames"
 """Key of a table's provenance: how many frames were looked at; dropped ones were not."""
 
 
+_FILES_NAMED = 20
+
+
 def versions() -> dict[str, str]:
-    """Versions of Python, rotortrack and the libraries that numbers depend on."""
+    """Versions of Python, rotortrack, its sources and the libraries that numbers depend on."""
     found = {name: importlib.metadata.version(name) for name in _LIBRARIES}
-    return {"python": platform.python_version(), **found}
+    return {"python": platform.python_version(), **found, "sources": source_hash()}
 
 
 @dataclass
@@ -79,14 +84,35 @@ class Record:
             "notes": [],
         }
 
-    def options(self, settings: Settings) -> None:
-        """Record every option with its origin."""
+    def options(self, settings: Settings, uses: Collection[str] | None = None) -> None:
+        """Record options with their origin.
+
+        Parameters
+        ----------
+        settings
+            All options.
+        uses
+            Sections (`motion`) and single options (`movie.exposure_s`) that the result depends on;
+            all when not given.
+        """
         self.content["options"] = {
-            section: {
-                key: {"value": value, "origin": settings.origins[f"{section}.{key}"]}
-                for key, value in values.items()
-            }
+            section: chosen
             for section, values in settings.as_dict().items()
+            if (
+                chosen := {
+                    key: {"value": value, "origin": settings.origins[f"{section}.{key}"]}
+                    for key, value in values.items()
+                    if uses is None or section in uses or f"{section}.{key}" in uses
+                }
+            )
+        }
+
+    @property
+    def option_values(self) -> dict[str, dict[str, Any]]:
+        """The recorded options without their origins."""
+        return {
+            section: {key: entry["value"] for key, entry in values.items()}
+            for section, values in self.content["options"].items()
         }
 
     @contextmanager
@@ -117,8 +143,9 @@ class Record:
     @property
     def provenance(self) -> dict[str, Any]:
         """What each table repeats: all that decides its numbers, and nothing that time changes."""
-        keys = ("command", "steps", "versions", "inputs", "options", "counts")
-        return {key: self.content[key] for key in keys}
+        keys = ("command", "steps", "versions", "camera_maps", "options", "counts")
+        chosen = {key: self.content[key] for key in keys if key in self.content}
+        return {**chosen, "inputs": _in_short(self.content["inputs"])}
 
     @contextmanager
     def noting(self) -> Iterator[Noted]:
@@ -170,8 +197,9 @@ class Record:
         """Take over what an earlier command recorded; give its chosen options as layers."""
         for key in ("inputs", "notes", "warnings", "counts", "seconds"):
             self.content[key] = manifest[key]
-        if isinstance(manifest.get("keys"), dict):
-            self.content["keys"] = manifest["keys"]
+        for key in ("keys", "camera_maps"):
+            if isinstance(manifest.get(key), dict):
+                self.content[key] = manifest[key]
         earlier = [step for step in manifest["steps"] if step != self.content["command"]]
         self.content["steps"] = [*earlier, self.content["command"]]
         return [
@@ -198,6 +226,15 @@ class Record:
     def note(self, sentence: str) -> None:
         """Record a choice that was made for the user."""
         self.content["notes"].append(sentence)
+
+
+def _in_short(inputs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Name of many files the first, the last, and a hash over the hashes of all."""
+    if len(inputs) <= _FILES_NAMED:
+        return inputs
+    hashes = "".join(str(entry["sha256"]) for entry in inputs)
+    whole = {"files": len(inputs), "sha256_of_hashes": hashlib.sha256(hashes.encode()).hexdigest()}
+    return [inputs[0], inputs[-1], whole]
 
 
 def following(earlier: Mapping[str, object], now: Mapping[str, object]) -> dict[str, object]:

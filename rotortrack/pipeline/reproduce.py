@@ -115,10 +115,10 @@ def reproduce(
     else:
         result = rotors_from_table(inputs[0], layers, target, progress=progress)
         if "motion" in steps:
-            result = motion_of_run(target, layers, progress=progress)
+            result = motion_of_run(target, [], progress=progress)
     again = RunFolder(target)
     new = again.read_manifest()
-    _require_same_hashes(run, manifest["inputs"], result.record.content["inputs"])
+    _require_same_hashes(run, _read_files(manifest), _read_files(result.record.content))
     names = [*sorted({*manifest["tables"], *new["tables"]} - {"drift"}), "drift"]
     return Reproduction(
         tuple(compare(name, folder.read(name), again.read(name)) for name in names),
@@ -186,8 +186,14 @@ def _layers(manifest: dict[str, Any]) -> list[Layer]:
     ]
 
 
+def _read_files(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """List the entries of all files that a run was made from."""
+    maps = content.get("camera_maps")
+    return [*content["inputs"], *([maps] if isinstance(maps, dict) else [])]
+
+
 def _require_same_hashes(run: Path, earlier: list[Any], now: list[Any]) -> None:
-    for before, after in zip(earlier, now, strict=True):
+    for before, after in zip(earlier, now, strict=False):
         if before.get("sha256") != after["sha256"]:
             raise InputError(
                 f"{after['path']} is not the file that {run} was made from: its SHA-256 differs"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,13 @@ from rotortrack.pipeline.checkpoints import (
     unpack_corrected,
     unpack_found,
 )
-from rotortrack.pipeline.identity import Identity, identify
+from rotortrack.pipeline.identity import (
+    Identity,
+    describe,
+    identify,
+    refuse_changed,
+    sha256_of,
+)
 from rotortrack.pipeline.keys import stage_keys
 from rotortrack.pipeline.localise_parts import localise_in_parts
 from rotortrack.pipeline.localise_run import (
@@ -131,8 +137,10 @@ def run_movie(
     required = ("movie.pixel_size_nm", "movie.frame_interval_s")
     with record.warnings(), opened(paths, layers, *required) as source:
         files = [identify(path) for path in source.movie.paths]
+        given = source.settings["camera"].camera_maps
+        maps = None if given is None else identify(Path(given))
         with RunFolder.claim(target, "run", files, overwrite=overwrite) as folder:
-            run = _Run(source, files, folder, record, progress)
+            run = _Run(source, files, maps, folder, record, progress)
             return run.to_the_end(workers, draw)
 
 
@@ -143,6 +151,7 @@ class _Run:
         self,
         source: OpenedMovie,
         files: list[Identity],
+        maps: Identity | None,
         folder: RunFolder,
         record: Record,
         progress: Progress,
@@ -150,9 +159,12 @@ class _Run:
         self._source = source
         self._settings = source.settings
         self._files = files
+        self._maps = maps
         self._folder = folder
         self._record = record
         self._progress = progress
+        if maps is not None:
+            record.content["camera_maps"] = describe(maps, folder.path, sha256_of(maps))
         keys = stage_keys(files, source.settings)
         record.content["keys"] = keys
         self._parts = Parts(folder.path, keys)
@@ -177,6 +189,7 @@ class _Run:
                 progress=self._progress,
             )
             record.inputs(self._files, folder.path, hashes)
+            refuse_changed([] if self._maps is None else [self._maps])
         with self._stage("correct"):
             corrected = self._corrected(localisations)
             del localisations
@@ -197,7 +210,7 @@ class _Run:
             info = extent(self._source, record.provenance)
             image = _mean_image(self._source.movie)
             unfinished = None if draw is None else "figures"
-            folder.commit(tables, info, record, settings, unfinished=unfinished)
+            folder.commit(tables, info, record, unfinished=unfinished)
             self._parts.tidy()
         bins = (drift.bin_frames, drift.bin_dx_nm, drift.bin_dy_nm)
         result = Result(folder, settings, record, tables, bins, image)
@@ -264,19 +277,25 @@ class _Run:
         self._parts.save(stage, schemas, pack(made), noted)
         return made
 
-    @contextmanager
-    def _stage(self, name: str, units: int = 0) -> Iterator[None]:
-        """Time a stage, and note in the folder that it began and why it ended early."""
-        self._folder.note_unfinished(self._record, name, "begun")
-        self._progress(name, 0, units)
-        try:
-            with self._record.timed(name):
-                yield
-        except BaseException as error:
-            # What ended the stage is what the user must learn, even if the disk is full.
-            with suppress(ResourceError):
-                self._folder.note_unfinished(self._record, name, _reason(error))
-            raise
+    def _stage(self, name: str, units: int = 0) -> AbstractContextManager[None]:
+        return stage(self._folder, self._record, self._progress, name, units)
+
+
+@contextmanager
+def stage(
+    folder: RunFolder, record: Record, progress: Progress, name: str, units: int = 0
+) -> Iterator[None]:
+    """Time a stage, and note in the folder that it began and why it ended early."""
+    try:
+        folder.note_unfinished(record, name, "begun")
+        progress(name, 0, units)
+        with record.timed(name):
+            yield
+    except BaseException as error:
+        # What ended the stage is what the user must learn, even if the disk is full.
+        with suppress(ResourceError):
+            folder.note_unfinished(record, name, _reason(error))
+        raise
 
 
 def _reason(error: BaseException) -> str:

@@ -66,22 +66,26 @@ def run_state(path: Path) -> RunState:
     )
 
 
-def _sentence(unfinished: dict[str, str], owner: str | None) -> str:
+def _sentence(unfinished: dict[str, Any], owner: str | None) -> str:
     if not unfinished:
         return ""
     command, stage = unfinished.get("command", "?"), unfinished.get("stage", "?")
+    inputs = unfinished.get("inputs")
+    of = f" (its input: {inputs[0]})" if isinstance(inputs, list) and inputs else ""
     if owner is not None:
-        return f"{command} is at the stage {stage}"
+        return f"{command} is at the stage {stage}{of}"
     reason = unfinished.get("reason", "begun")
     ended = "was killed" if reason == "begun" else f"ended early ({reason})"
-    return f"{command} {ended} in the stage {stage}: give the same command again to finish it"
+    told = f"{command} {ended} in the stage {stage}: give the same command again to finish it"
+    return told + of
 
 
 def _kept(path: Path, manifest: dict[str, Any]) -> list[tuple[str, str]]:
-    """Say how much of each stage a later run would find."""
-    keys = manifest.get("keys")
+    """Say how much of each stage a later run would find: of the work going on, if there is any."""
+    latest = manifest.get("unfinished", {})
+    keys = latest.get("keys") or manifest.get("keys")
     keys = keys if isinstance(keys, dict) else {}
-    frames = manifest["counts"].get("frames")
+    frames = latest.get("frames") or manifest["counts"].get("frames")
     if not all(_KEY.fullmatch(str(keys.get(stage.name, ""))) for stage in STAGES):
         return []
     parts = Parts(path, {stage.name: str(keys[stage.name]) for stage in STAGES})

@@ -20,15 +20,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rotortrack import files, locks
-from rotortrack.errors import InputError, ResourceError, UsageError
+from rotortrack.errors import InputError, ResourceError
 from rotortrack.exchange import csv, parquet
 from rotortrack.exchange.tables import write_localisations
 from rotortrack.exchange.writer import TableInfo
-from rotortrack.pipeline.identity import Identity, shown_from
+from rotortrack.pipeline.guard import refuse_other_results
+from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
-from rotortrack.pipeline.parts import make_folder, remove_work
+from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
 from rotortrack.pipeline.provenance import Record, to_toml
-from rotortrack.settings import Settings
 from rotortrack.tables import DECISIONS, DRIFT, LOCALISATIONS, ROTORS, TRACKS, Schema, empty
 
 if TYPE_CHECKING:
@@ -81,23 +81,33 @@ class RunFolder:
         LockedError
             Another process works on it.
         UsageError
-            It holds results of other files.
+            It holds results of other files, or an input is one of its results.
         """
-        existed = path.exists()
+        made = not path.exists()
         make_folder(path)
         folder = cls(path)
         try:
             with locks.locked(path, task):
-                folder._remove_links()
-                for place in (path, folder.figures_path):
-                    files.sweep(place)
-                folder._carry_out_commit()
-                if inputs:
-                    folder._part_with_other_inputs(inputs, overwrite)
-                yield folder
+                try:
+                    folder._remove_links()
+                    for place in (path, folder.figures_path):
+                        files.sweep(place)
+                    sweep_work(path / "parts")
+                    folder._carry_out_commit()
+                    if inputs:
+                        results = [result for name in _SCHEMAS for result in folder._files(name)]
+                        refuse_other_results(
+                            folder.manifest_path, results, inputs, overwrite=overwrite
+                        )
+                    yield folder
+                except BaseException:
+                    if made and not folder._holds_work():
+                        folder._remove_what_is_ours()
+                    raise
         except BaseException:
-            if not existed and not folder._holds_work():
-                folder._remove_what_is_ours()
+            if made:
+                with contextlib.suppress(OSError):
+                    path.rmdir()
             raise
 
     @classmethod
@@ -186,7 +196,14 @@ class RunFolder:
         if content is None:
             content = {**record.content, "state": UNFINISHED, "tables": []}
         command = str(record.content["command"])
-        content["unfinished"] = {"command": command, "stage": stage, "reason": reason}
+        content["unfinished"] = {
+            "command": command,
+            "stage": stage,
+            "reason": reason,
+            "keys": record.content.get("keys", {}),
+            "frames": record.content["counts"].get("frames"),
+            "inputs": [entry["path"] for entry in record.content["inputs"][:1]],
+        }
         files.write_text(self.manifest_path, write_out(content))
         self.log(reason, command=command, stage=stage)
 
@@ -217,7 +234,6 @@ class RunFolder:
         tables: Mapping[str, pd.DataFrame],
         info: TableInfo,
         record: Record,
-        settings: Settings,
         *,
         keep: Collection[str] = (),
         unfinished: str | None = None,
@@ -230,8 +246,8 @@ class RunFolder:
             By the name of their schema.
         info
             What the localisations record beside their rows.
-        record, settings
-            For the manifest.
+        record
+            For the manifest and the configuration.
         keep
             Names of tables that the earlier command wrote and that still hold.
         unfinished
@@ -249,7 +265,7 @@ class RunFolder:
             for name, table in tables.items():
                 for path in _files(staged, _SCHEMAS[name]):
                     _write(path, _SCHEMAS[name], table, info)
-            files.write_text(staged / CONFIG, to_toml(settings.as_dict()))
+            files.write_text(staged / CONFIG, to_toml(record.option_values))
             files.write_text(staged / MANIFEST, write_out(content))
         except BaseException:
             # Nobody can use it, and on a full disk it takes the space.
@@ -305,19 +321,22 @@ class RunFolder:
         """Whether anything lies in the folder that took time to make, which checks do not."""
         return any(
             place.is_file()
-            and place.name not in (MANIFEST, LOG)
+            and place.name not in (MANIFEST, LOG, locks.LOCK_NAME)
             and not place.parent.name.startswith("check-")
             for place in self.path.rglob("*")
         )
 
-    def _remove_what_is_ours(self) -> None:
+    def remove_kept_work(self) -> None:
+        """Remove the parts of an earlier run, which a later one could no longer use."""
         remove_work(self.path / "parts")
         with contextlib.suppress(OSError):
             (self.path / "parts").rmdir()
+
+    def _remove_what_is_ours(self) -> None:
+        self.remove_kept_work()
         with contextlib.suppress(OSError):
             for name in (MANIFEST, LOG):
                 (self.path / name).unlink(missing_ok=True)
-            self.path.rmdir()
 
     def _files(self, name: str) -> list[Path]:
         schema = _SCHEMAS.get(name)
@@ -330,28 +349,6 @@ class RunFolder:
             if content["state"] == COMPLETE:
                 return content
         return None
-
-    def _part_with_other_inputs(self, inputs: Sequence[Identity], overwrite: bool) -> None:
-        """Keep the results of one movie from being replaced by those of another by mistake."""
-        try:
-            earlier = self.read_manifest()["inputs"]
-        except InputError:
-            return
-        same_content = [(entry.get("bytes"), entry.get("edges")) for entry in earlier] == [
-            (file.size_bytes, file.edges) for file in inputs
-        ]
-        # A file that grew since, because it was still being copied, is the same movie.
-        same_names = [entry.get("path") for entry in earlier] == [
-            shown_from(file.path, self.path) for file in inputs
-        ]
-        if not earlier or same_content or same_names:
-            return
-        if not overwrite:
-            raise UsageError(
-                f"{self.path} holds results of {earlier[0].get('path')}, not of {inputs[0].path}: "
-                "choose another folder with -o, or replace them with --overwrite"
-            )
-        remove_work(self.path / "parts")
 
 
 @contextlib.contextmanager

@@ -181,6 +181,17 @@ def test_all_settings_of_the_workflow_can_be_set_by_name(stage: Any, tmp_path: P
     assert settings.origins["circle.method"] == "default"
 
 
+@pytest.mark.parametrize(
+    "words", [("--camera-maps", "c.npz"), ("--set", "camera.camera_maps=c.npz")]
+)
+def test_camera_maps_are_found_again_from_another_folder(
+    stage: Any, words: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = stage(["camera"], *words)
+    assert Path(settings["camera"].camera_maps) == tmp_path / "c.npz"
+
+
 def test_the_last_of_two_assignments_wins(stage: Any) -> None:
     assert stage([], "--set", "drift.bins=8", "--set", "drift.bins=9")["drift"].bins == 9
 

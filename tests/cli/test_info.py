@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,20 @@ from rotortrack_cli.console import Console
 from rotortrack_cli.description import show_movie
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "rotors"
+
+
+PROTOCOL = {
+    "cameraSettings": {"offset": 100.0, "photons2ADU": 2.2, "pixelSize": 108.3},
+    "analysisFilter": {"name": "Wavelet filter (B-Spline)", "scale": 2.0, "order": 3},
+    "analysisDetector": {"name": "Local maximum", "threshold": "std(Wave.F1)"},
+    "analysisEstimator": {
+        "name": "PSF: Integrated Gaussian",
+        "fittingRadius": 3,
+        "method": "Weighted Least squares",
+        "initialSigma": 1.6,
+    },
+    "imageInfo": {"roiBounds": {"x": 1, "y": 2, "width": 30, "height": 40}},
+}
 
 
 @pytest.fixture
@@ -97,6 +112,45 @@ def test_camera_maps_are_shown(call: Callable[..., Any], tmp_path: Path) -> None
     assert told["arrays"]["read_noise_e"]["outliers"] == 1
 
 
+def test_a_configuration_is_shown_by_section(call: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("[drift]\nbins = 4\n[movie]\nframes = [2, 90]\npixel_size_nm = 100\n")
+    shown = call("info", path)
+    assert shown.code == 0
+    rows = [line.split(maxsplit=3) for line in shown.out.splitlines()]
+    assert ["movie", "pixel_size_nm", "100.0"] in [row[:3] for row in rows]
+    assert ["drift", "bins", "4"] in [row[:3] for row in rows]
+    told = call("info", path, "--json").json
+    assert told["kind"] == "configuration"
+    assert told["options"] == {
+        "movie": {"pixel_size_nm": 100, "frames": [2, 90]},
+        "drift": {"bins": 4},
+    }
+    path.write_text("[drift]\nbinz = 4\n")
+    wrong = call("info", path)
+    assert wrong.code == 4
+    assert "did you mean bins" in wrong.err
+
+
+@pytest.mark.parametrize("name", ["exp-protocol.txt", "exp.json"])
+def test_a_protocol_is_known_by_its_content(
+    call: Callable[..., Any], tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / name
+    path.write_text(json.dumps(PROTOCOL))
+    shown = call("info", path)
+    assert shown.code == 0
+    assert "ThunderSTORM protocol" in shown.out
+    assert "not taken over" in shown.out
+    assert not shown.err
+    told = call("info", path, "--json").json
+    assert told["kind"] == "ThunderSTORM protocol"
+    assert told["options"]["movie"] == {"pixel_size_nm": 108.3}
+    assert told["options"]["localise"]["method"] == "wlsq"
+    assert any("region of interest" in sentence for sentence in told["left_out"])
+    assert call("info", SAMPLE / "movie.tif", path).code == 2
+
+
 def test_what_a_file_says_cannot_steer_the_terminal(
     call: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -124,13 +178,21 @@ def test_a_missing_file_is_one_sentence(
     assert shown.err.count("\n") == 1
 
 
+def test_a_single_frame_is_one_frame(call: Callable[..., Any], tmp_path: Path) -> None:
+    write_movie(tmp_path / "one.tif", [np.zeros((1, 48, 64), np.uint16)], shape=(1, 48, 64))
+    shown = " ".join(call("info", tmp_path / "one.tif", "-q").out.split())
+    assert "1 frame of 64 x 48 pixels" in shown
+    assert shown.count("the movie has 1 frame;") == 3
+    assert "1 frames" not in shown
+
+
 def test_recorded_times_are_summed_up(capfd: pytest.CaptureFixture[str]) -> None:
     report = describe_movie(SAMPLE / "movie.tif", [])
     times_s = 0.002 * np.delete(np.arange(1000), [10, 500, 501])
     with_times = replace(report, times=number_frames(times_s))
     show_movie(Console(), with_times)
     shown = " ".join(capfd.readouterr().out.split())
-    assert "recorded times every 2 ms" in shown
+    assert "recorded times every 2 ms, 95 % of the frames on time, 3 frames dropped" in shown
     assert "3 frames dropped in 2 places" in shown
     told = with_times.as_dict()["times"]
     assert (told["dropped_frames"], told["gaps"], told["irregular"]) == (3, 2, False)

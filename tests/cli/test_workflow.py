@@ -247,6 +247,17 @@ def test_a_run_of_nothing_or_of_two_things_is_a_usage_error(words, capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
+def test_motion_records_no_option_that_changed_nothing(run_folder, tmp_path, capfd):
+    folder = tmp_path / "r"
+    shutil.copytree(run_folder, folder)
+    assert call("motion", folder, "--preset", "paper", "--no-figures") == 0
+    options = json.loads((folder / "run.json").read_text())["options"]
+    assert options["localise"]["method"] == {"value": "mle", "origin": "default"}
+    assert call("motion", folder, "--set", "localise.method=lsq", "--no-figures") == 4
+    assert "localise.method belongs to an earlier stage" in capfd.readouterr().err
+    assert call("run", ROTORS / "movie.tif", "--reproduce", folder) == 0
+
+
 def test_info_tells_how_far_a_run_came(run_folder, capfd):
     assert call("info", run_folder, "--json") == 0
     told = json.loads(capfd.readouterr().out)

@@ -235,7 +235,10 @@ def test_motion_wants_a_run_folder(capfd, tmp_path):
 
 
 def test_a_forged_manifest_is_refused(capfd, tmp_path):
-    whole = '{"inputs": [], "notes": [], "warnings": [], "counts": {}, "seconds": {}, "options": '
+    whole = (
+        '{"state": "complete", "steps": [], "tables": [], "versions": {}, "inputs": [], '
+        '"notes": [], "warnings": [], "counts": {}, "seconds": {}, "options": '
+    )
     for text in ("[]", "{", '{"options": 3}', whole + "[]}", whole + '{"movie": {"frames": 1}}}'):
         (tmp_path / "run.json").write_text(text)
         refused(capfd, 3, "motion", tmp_path)
@@ -278,8 +281,12 @@ def test_a_table_without_positions(capfd, tmp_path, out):
 def test_a_failed_run_leaves_the_tables_of_the_last_one(capfd, tmp_path, out):
     good = write(tmp_path / "good.tif", spots(frames=40))
     assert call(capfd, "run", good, *SCALE, *CAMERA, "-o", out, "--no-figures")[0] == 0
-    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    before = contents(out)
     bad = tmp_path / "bad.tif"
     bad.write_text("no")
     assert call(capfd, "run", bad, *SCALE, *CAMERA, "-o", out, "--no-figures")[0] == 3
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert contents(out) == before
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}

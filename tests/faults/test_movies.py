@@ -167,7 +167,9 @@ def test_damaged_compressed_frame_is_named_and_others_are_read(tmp_path: Path) -
 
 def test_what_is_no_movie_is_named(tmp_path: Path) -> None:
     assert "does not exist" in refusal(tmp_path / "none.tif")
-    assert "is a folder" in refusal(tmp_path)
+    assert f"is a folder: name its files in their order, such as $(ls -v {tmp_path}/*.tif)" in (
+        refusal(tmp_path)
+    )
     fifo = tmp_path / "fifo.tif"
     os.mkfifo(fifo)
     assert "not a regular file" in refusal(fifo)

@@ -202,7 +202,7 @@ def test_missing_file_that_describes_the_others_is_named(tmp_path: Path) -> None
     )
     (path,) = write_parts(tmp_path, "second.ome.tif", metadata=None, description=text)
     assert f"{tmp_path / 'first.ome.tif'} describes, which is missing" in refusal(path)
-    with pytest.warns(MetadataWarning, match="planes of this file alone"):
+    with pytest.warns(MetadataWarning, match="planes of this file alone.*; put it back into"):
         movie = open_movie(path, MovieOptions(axes="TYX"))
     with movie:
         np.testing.assert_array_equal(movie.frames(0, movie.shape[0]), FRAMES)
@@ -309,6 +309,10 @@ def test_times_continue_where_each_file_starts_its_own_clock(tmp_path: Path) -> 
     two = write_timed(tmp_path / "b.tif", FRAMES[6:], 20.0)
     with open_movie([one, two]) as movie:
         assert movie.times_s == pytest.approx(0.03 + 0.01 * np.arange(12))
+        assert (
+            "the time between a.tif and b.tif is not recorded and is taken as one frame interval"
+            in movie.notes
+        )
         part = select(movie, frames=(5, 8))
         assert part.times_s == pytest.approx([0.08, 0.09, 0.10])
 

@@ -239,6 +239,26 @@ def test_toml_made_to_exhaust_the_parser_is_refused_at_once(
     assert len(str(caught.value)) < 5_000
 
 
+@pytest.mark.parametrize(
+    ("line", "refused"),
+    [
+        ("# {dots}", False),
+        ("count = 4 # {dots}", False),
+        ("a{dots}a = 1 # a comment", True),
+        ("a.'#'{dots}a = 1", True),
+        ('a = [""" \n # """, {{a{dots}a = 1}}]', True),
+    ],
+)
+def test_dots_count_where_they_may_be_of_a_key(tmp_path: Path, line: str, refused: bool) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("[stage]\ncount = 3\n[other]\n" + line.format(dots=".a" * 60 + "."))
+    if refused:
+        with pytest.raises(ConfigurationError, match="more than 50 dots in line"):
+            read_toml(path)
+    else:
+        assert read_toml(path)["stage"] == {"count": 3}
+
+
 def test_very_many_mistakes_are_cut_and_long_values_shortened() -> None:
     many = mistakes(layer("x", **{f"option_{i}": 1 for i in range(3_000)}))
     assert len(many) == 21

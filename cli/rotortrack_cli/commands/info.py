@@ -15,22 +15,31 @@ _MAPS = ".npz"
 
 
 @click.command("info", cls=StageCommand)
-@click.argument("paths", metavar="MOVIE...|LOCS|MAPS|RUN", type=FILE, nargs=-1, required=True)
+@click.argument(
+    "paths", metavar="MOVIE...|LOCS|MAPS|CONFIG|RUN", type=FILE, nargs=-1, required=True
+)
 @stage_options("movie", "camera")
 @click.pass_obj
 def command(console: Console, paths: tuple[Path, ...], given: Given) -> None:
-    """Show what is in a movie, a table of localisations, camera maps or a run folder.
+    """Show what is in a movie, a table of localisations, camera maps, a configuration or a run.
 
     Of a movie (several files are one recording, in their order): frames, metadata with the origin
     of each value, recorded times, the gain that its variance-against-mean slope shows (held against
     --gain-e-per-adu where that is given), noise that columns or rows share, saturated and dead
-    pixels, and frames without a picture.
+    pixels, and frames without a picture. Of a ThunderSTORM protocol: what was not taken over, too.
     """
+    from rotortrack.pipeline.describe_configuration import is_configuration
+
     layers = gather(given)
-    others = [path for path in paths if path.is_dir() or _ends(path, (*_TABLES, _MAPS))]
+    others = [
+        path
+        for path in paths
+        if path.is_dir() or _ends(path, (*_TABLES, _MAPS)) or is_configuration(path)
+    ]
     if others and len(paths) > 1:
         raise click.UsageError(
-            f"{others[0]} is no movie: give a table, camera maps or a run folder alone",
+            f"{others[0]} is no movie: give a table, camera maps, a configuration or a run folder "
+            "alone",
             click.get_current_context(),
         )
     path = paths[0]
@@ -51,6 +60,11 @@ def command(console: Console, paths: tuple[Path, ...], given: Given) -> None:
         from rotortrack_cli.description import show_maps
 
         show_maps(console, path, describe_maps(path))
+    elif others:
+        from rotortrack.pipeline.describe_configuration import describe_configuration
+        from rotortrack_cli.description import show_configuration
+
+        show_configuration(console, describe_configuration(path))
     else:
         from rotortrack.pipeline.describe_movie import describe_movie
         from rotortrack_cli.description import show_movie

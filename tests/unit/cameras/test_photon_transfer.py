@@ -114,6 +114,14 @@ def test_dead_pixels_and_black_or_repeated_frames_do_not_bias_the_gain() -> None
     assert gain_from_movie(ArrayMovie(counts)).gain_e_per_adu == pytest.approx(GAIN, rel=0.06)
 
 
+def test_frame_without_a_finite_pixel_costs_its_pair_alone() -> None:
+    frames = expose(ramp(60), 3).frames(0, 60).astype(np.float32)
+    frames[31] = np.nan
+    found = gain_from_movie(ArrayMovie(frames))
+    assert found.pairs == 29
+    assert found.gain_e_per_adu == pytest.approx(GAIN, rel=0.1)
+
+
 def test_noise_that_does_not_grow_with_the_mean_gives_a_reason() -> None:
     rng = np.random.default_rng(3)
     counts = np.rint(ramp(60) + 100 + rng.normal(0, 5, (60, *SHAPE))).astype(np.uint16)

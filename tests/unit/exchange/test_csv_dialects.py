@@ -57,6 +57,9 @@ READ = {
     "frames and ids as 1.0": (
         HEADER + "1.0,1.0,10.5,20.25,130.5,8.5\n2.0,1.0,11.5,21.75,131.25,7.5\n3.0,4.0,12,22,132,6"
     ).encode(),
+    "a comma behind every row": (HEADER + ROWS.replace("\n", ",\n")).encode(),
+    "a comma behind every line": PLAIN.replace("\n", ",\n").encode(),
+    "a tab behind every row": (HEADER + ROWS.replace("\n", ",\n")).replace(",", "\t").encode(),
     "duplicate ids": PLAIN.replace("\n2,", "\n1,").replace("\n3,", "\n1,").encode(),
     "the name of 2014": PLAIN.replace("uncertainty_xy", "uncertainty").encode(),
     "units in capitals": PLAIN.replace("[nm]", "[NM]").encode(),
@@ -118,7 +121,15 @@ REFUSED = {
     "empty": (b"", "is empty"),
     "only a mark": (codecs.BOM_UTF8, "is empty"),
     "blank": (b"\n\n  \n", "is empty"),
-    "no header": (ROWS.encode(), r"lacks frame, x \[nm\], y \[nm\]"),
+    "no header": (
+        ROWS.encode(),
+        r"lacks frame, x \[nm\], y \[nm\].*: its first line must name the columns",
+    ),
+    "commas behind some rows": ((PLAIN + "4,1,1,1,1,1,\n" * 4).encode(), "4 row.* have another"),
+    "late decimal comma": (
+        b"frame;x [nm];y [nm]\n" + b"1;2;3\n" * 30_000 + b"1;2;3,5\n",
+        r"cell in line 30002 is not a number \(3,5: is it a decimal comma\?\)",
+    ),
     "no unit": (b"frame,x,y\n1,2,3\n", r"'x' has no unit; write \[nm\]"),
     "sigma without unit": (b"frame,x [nm],y [nm],sigma\n1,2,3,4\n", "'sigma' has no unit"),
     "duplicate column": (b"frame,x [nm],y [nm],x [nm]\n1,2,3,4\n", "two columns for x_nm"),

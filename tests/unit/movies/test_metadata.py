@@ -108,9 +108,11 @@ def test_metric_resolution_tags_give_a_pixel_size(tmp_path: Path) -> None:
         metadata=None,
         resolution=(1e7 / 108.3,) * 2,
         resolutionunit="CENTIMETER",
+        software="a camera",
     )
     assert found["pixel_size_nm"].value == pytest.approx(108.3, rel=1e-5)
     assert found["pixel_size_nm"].origin == "file (TIFF resolution)"
+    assert found["software"].origin == "file (TIFF)"
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,11 @@ def named_by_micromanager(folder: Path, stem: str = "x_MMStack_Pos0") -> list[Pa
     return write_parts(folder, parts, metadata=None, description=text)
 
 
+def named_by_ndtiff(folder: Path, stem: str) -> list[Path]:
+    parts = {f"{stem}{f'_{i}' if i else ''}.tif": FRAMES[2 * i : 2 * i + 2] for i in range(12)}
+    return write_parts(folder, parts, metadata=None)
+
+
 SETS: dict[str, Callable[[Path], list[Path]]] = {
     "described everywhere": described_everywhere,
     "described in the first file": described_in_the_first_file,
@@ -146,6 +151,8 @@ SETS: dict[str, Callable[[Path], list[Path]]] = {
     "named by micromanager": named_by_micromanager,
     "named without position": lambda folder: named_by_micromanager(folder, "x_MMStack"),
     "position called by a number": lambda folder: named_by_micromanager(folder, "x_MMStack_1"),
+    "named by ndtiff": lambda folder: named_by_ndtiff(folder, "run 2_NDTiffStack"),
+    "named by ndtiff alone": lambda folder: named_by_ndtiff(folder, "NDTiffStack"),
 }
 
 

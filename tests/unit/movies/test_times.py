@@ -115,13 +115,42 @@ def test_several_files_are_numbered_as_one_recording(tmp_path):
 
 
 @pytest.mark.parametrize("broken", [None, "soon", float("nan"), float("inf"), "1e999"])
-def test_a_single_missing_time_leaves_none(tmp_path, broken):
+def test_a_single_missing_time_leaves_none_and_is_said(tmp_path, broken):
     path = tmp_path / "film.tif"
     micromanager(path, FRAMES, [*TIMES_MS[:20], broken, *TIMES_MS[21:]], lambda value: value)
-    with open_movie(path) as movie:
+    with pytest.warns(MetadataWarning, match=r"1 of 40 frames of .*film\.tif tell no time, so no"):
+        movie = open_movie(path)
+    with movie:
         assert movie.times_s is None
         assert movie.numbers is None
         assert "frame_interval_s" not in movie.metadata
+
+
+def test_frames_that_are_not_used_need_no_times(tmp_path):
+    path = tmp_path / "film.tif"
+    micromanager(path, FRAMES[:8], [None, 10.0, None, 20.0, None, 30.0, None, 40.0])
+    with open_movie(path, MovieOptions(axes="TC2YX", channel=1)) as movie:
+        assert movie.times_s == pytest.approx([0.01, 0.02, 0.03, 0.04])
+
+
+def test_planes_without_times_in_an_ome_description_are_counted(tmp_path):
+    path = tmp_path / "film.ome.tif"
+    ome(path, FRAMES, TIMES_MS / 1e3)
+    path.write_bytes(path.read_bytes().replace(b"DeltaT=", b"Unused=", 10))
+    with pytest.warns(MetadataWarning, match=r"10 of 40 frames of .*film\.ome\.tif tell no time"):
+        movie = open_movie(path)
+    with movie:
+        assert movie.times_s is None
+
+
+def test_a_file_without_times_among_others_is_said(tmp_path):
+    paths = [tmp_path / f"film{number}.tif" for number in range(2)]
+    micromanager(paths[0], FRAMES[:15], TIMES_MS[:15])
+    micromanager(paths[1], FRAMES[15:], [None] * 25)
+    with pytest.warns(MetadataWarning, match="25 of 40 frames of .* tell no time"):
+        movie = open_movie(paths)
+    with movie:
+        assert movie.times_s is None
 
 
 def test_times_that_are_all_the_same_say_nothing(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from rotortrack.pipeline import keys
@@ -73,6 +75,17 @@ def test_another_state_of_the_movie_or_of_the_maps_changes_all_keys(movie, tmp_p
     maps.write_bytes(b"2")
     second = stage_keys(movie, with_maps)
     assert all(first[name] != second[name] for name in NAMES)
+
+
+def test_maps_count_by_their_content_and_not_by_their_name(movie, tmp_path):
+    found = []
+    for name in ("camera.npz", "moved.npz"):
+        maps = tmp_path / name
+        maps.write_bytes(b"1")
+        os.utime(maps, (1, 1))
+        settings = resolve(SECTIONS, [Layer("test", {"camera": {"camera_maps": str(maps)}})])
+        found.append(stage_keys(movie, settings))
+    assert found[0] == found[1]
 
 
 def test_changed_code_counts_from_its_stage_on(movie, monkeypatch):

@@ -13,10 +13,8 @@ from rotortrack.exchange.tables import read_info
 from rotortrack.exchange.writer import TableInfo
 from rotortrack.pipeline import store
 from rotortrack.pipeline.identity import identify
-from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.store import RunFolder
-from rotortrack.settings import resolve
 from rotortrack.tables import DRIFT, LOCALISATIONS, ROTORS, TRACKS, empty
 
 INFO = TableInfo(pixel_size_nm=108.0, frames=10, frame_interval_s=0.002, provenance={"by": "test"})
@@ -31,7 +29,7 @@ def folder(tmp_path):
 
 
 def commit(folder, tables, **options):
-    folder.commit(tables, INFO, Record("test"), resolve(SECTIONS, []), **options)
+    folder.commit(tables, INFO, Record("test"), **options)
 
 
 def names(folder):
@@ -122,11 +120,9 @@ def test_unfinished_work_is_told_and_hides_no_finished_results(folder):
         RunFolder.open(folder.path)
     commit(folder, ALL)
     folder.note_unfinished(record, "motion", "stopped")
-    assert RunFolder.open(folder.path).read_manifest()["unfinished"] == {
-        "command": "run",
-        "stage": "motion",
-        "reason": "stopped",
-    }
+    unfinished = RunFolder.open(folder.path).read_manifest()["unfinished"]
+    told = {key: unfinished[key] for key in ("command", "stage", "reason")}
+    assert told == {"command": "run", "stage": "motion", "reason": "stopped"}
     folder.note_finished(record)
     assert "unfinished" not in folder.read_manifest()
     events = [
@@ -174,7 +170,6 @@ def test_results_of_another_movie_are_not_replaced_by_mistake(tmp_path):
     record = Record("run")
     record.inputs([a], run)
     with RunFolder.claim(run, "run", [a]) as folder:
-        (run / "parts" / "localise-0123456789abcdef").mkdir(parents=True)
         folder.note_unfinished(record, "localise", "begun")
     os.utime(movies[0], (1, 1))
     with RunFolder.claim(run, "run", [identify(movies[0])]):
@@ -182,7 +177,28 @@ def test_results_of_another_movie_are_not_replaced_by_mistake(tmp_path):
     with pytest.raises(UsageError, match=r"a\.tif"), RunFolder.claim(run, "run", [b]):
         pass
     with RunFolder.claim(run, "run", [b], overwrite=True):
-        assert not list((run / "parts").iterdir())
+        pass
+
+
+def test_a_stopped_replacement_keeps_its_work(tmp_path):
+    movies = [tmp_path / name for name in ("a.tif", "b.tif")]
+    for path in movies:
+        path.write_text(path.name)
+    a, b = map(identify, movies)
+    run = tmp_path / "run"
+    work = run / "parts" / "localise-0123456789abcdef" / "00000000-00000000.parquet"
+    record = Record("run")
+    record.inputs([a], run)
+    content = {**record.content, "state": "complete", "tables": []}
+    for _ in range(2):
+        with RunFolder.claim(run, "run", [b], overwrite=True) as folder:
+            if work.is_file():
+                break
+            folder.manifest_path.write_text(json.dumps(content))
+            work.parent.mkdir(parents=True)
+            work.write_text("of b")
+            folder.note_unfinished(Record("run"), "localise", "stopped")
+    assert work.is_file()
 
 
 def test_a_missing_table_and_a_foreign_folder_are_named(folder):
@@ -215,3 +231,42 @@ def test_what_is_no_manifest_is_refused_in_one_sentence(folder, content):
     with pytest.raises(InputError, match=r"run\.json") as caught:
         RunFolder.open(folder.path)
     assert "\n" not in str(caught.value)
+
+
+def refused_for(path, movie, match, **options):
+    with (
+        pytest.raises(UsageError, match=match),
+        RunFolder.claim(path, "run", [identify(movie)], **options),
+    ):
+        pass
+
+
+def test_a_finished_run_is_not_replaced_by_another_movie_of_the_same_name(tmp_path):
+    movie, run = tmp_path / "movie.tif", tmp_path / "run"
+    movie.write_text("first")
+    record = Record("run")
+    record.inputs([identify(movie)], run)
+    with RunFolder.claim(run, "run", [identify(movie)]) as folder:
+        folder.commit(ALL, INFO, record)
+    movie.write_text("second")
+    refused_for(run, movie, r"movie\.tif, not of")
+    with RunFolder.claim(run, "run", [identify(movie)], overwrite=True):
+        pass
+
+
+@pytest.mark.parametrize("content", [None, "{", '{"inputs": []}'])
+def test_results_of_nobody_knows_what_are_not_replaced(tmp_path, content):
+    movie, run = tmp_path / "movie.tif", tmp_path / "run"
+    movie.write_text("first")
+    run.mkdir()
+    (run / "drift.csv").write_text("the user's own")
+    if content is not None:
+        (run / "run.json").write_text(content)
+    refused_for(run, movie, "--overwrite")
+    assert (run / "drift.csv").read_text() == "the user's own"
+
+
+def test_a_table_is_not_replaced_by_what_is_made_from_it(tmp_path):
+    table = tmp_path / "localisations.parquet"
+    table.write_text("rows")
+    refused_for(tmp_path, table, "would be replaced", overwrite=True)
