@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 import json
@@ -35,6 +36,7 @@ RECORDED_FRAMES = "recorded_frames"
 _FILES_NAMED = 20
 
 
+@functools.cache
 def versions() -> dict[str, str]:
     """Versions of Python, rotortrack, its sources and the libraries that numbers depend on."""
     found = {name: importlib.metadata.version(name) for name in _LIBRARIES}
@@ -74,7 +76,7 @@ class Record:
         self.content: dict[str, Any] = {
             "command": command,
             "steps": [command],
-            "versions": versions(),
+            "versions": dict(versions()),
             "machine": {"system": platform.platform(), "processors": os.cpu_count()},
             "inputs": [],
             "options": {},

@@ -92,8 +92,10 @@ class Server:
 
     def close(self) -> None:
         assert self._process.stdin is not None
+        assert self._process.stdout is not None
         self._process.stdin.close()
         self._process.wait(timeout=60)
+        self._process.stdout.close()
 
 
 def make_movie(path: Path, frames: int = FRAMES, shape_px: tuple[int, int] = (48, 64)) -> Path:
