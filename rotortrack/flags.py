@@ -19,6 +19,8 @@ class FitFlag(IntFlag):
     SATURATED = 32
     MASKED_PIXELS = 64
     DUPLICATE = 128
+    CLIPPED = 256
+    JOINT = 512
 
     @property
     def sentence(self) -> str:
@@ -50,5 +52,10 @@ _SENTENCES = {
     FitFlag.MASKED_PIXELS: "Pixels without a number in the window were left out of the fit.",
     FitFlag.DUPLICATE: (
         "Another localisation of the same rotor and frame was used instead of this one."
+    ),
+    FitFlag.CLIPPED: "The fit window reached beyond the frame and was fitted by the part inside.",
+    FitFlag.JOINT: (
+        "One spot alone did not explain the window, so two or three were fitted together; their "
+        "errors allow for that."
     ),
 }
