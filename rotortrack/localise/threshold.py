@@ -8,7 +8,8 @@ The grammar is ThunderSTORM's as far as thresholds use it::
     atom    = number | function "(" sum ")" | plane | "(" sum ")"
 
 with the functions mean, std, var, median, max, min, sum and abs, and the planes I (the frame), F,
-Wave.F, Wave.F1, Wave.F2 and Wave.I. A formula is parsed, never evaluated as code.
+Wave.F, Wave.F1, Wave.F2 and Wave.I. Not the plugin's is noise(Wave.F) or noise(Wave.F1): a robust
+standard deviation that spots do not move. A formula is parsed, never evaluated as code.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from rotortrack.errors import ConfigurationError
 
-PlaneValues = Mapping[str, NDArray[np.float32]]
+PlaneValues = Mapping[str, Any]
 _Evaluate = Callable[[PlaneValues], Any]
 
 _TOKEN = re.compile(
@@ -44,27 +45,52 @@ _FUNCTIONS: dict[str, Callable[[NDArray[np.float64]], np.floating[Any]]] = {
 _PLANES = {"I": "I", "Wave.I": "I", "F": "F", "Wave.F": "F", "Wave.F1": "F1", "Wave.F2": "F2"}
 
 
+_NOISE = "noise"
+_NOISE_PLANES = ("F", "F1")
+_STREAMED = {"noise(F)", "noise(F1)", "std(F1)", "var(F1)"}
+"""Numbers of a frame that are known without keeping its planes."""
+
 MAX_LENGTH = 200
 """Longer formulas are mistakes; the limit also bounds the parser's recursion."""
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """A parsed threshold."""
+    """A parsed threshold.
+
+    Attributes
+    ----------
+    text
+        As it was given.
+    needs
+        What it takes of a frame: planes such as ``F1`` and numbers such as ``std(F1)``.
+    """
 
     text: str
+    needs: frozenset[str]
     _evaluate: _Evaluate
 
-    def value(self, planes: PlaneValues) -> np.float32:
-        """Evaluate for one frame.
+    @property
+    def is_streamed(self) -> bool:
+        """Whether it needs numbers only that are known without keeping planes."""
+        return self.needs <= _STREAMED
+
+    def value(self, values: PlaneValues) -> Any:
+        """Evaluate for one frame, or for many at once where only numbers are needed.
 
         Parameters
         ----------
-        planes
-            ``I``, ``F``, ``F1`` and ``F2``, each (height, width), in photons.
+        values
+            By name: ``I``, ``F``, ``F1`` and ``F2``, each (height, width), in photons; or numbers
+            such as ``std(F1)``, one or an array, which stand before their planes.
+
+        Returns
+        -------
+        float32, or array of it
+            Threshold in photons.
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.float32(self._evaluate(planes))
+            return np.asarray(self._evaluate(values)).astype(np.float32)[()]
 
 
 def parse_threshold(text: float | str) -> Threshold:
@@ -87,17 +113,20 @@ def parse_threshold(text: float | str) -> Threshold:
         raise ConfigurationError(
             f"threshold {text!r} gives an image, not a number: wrap it, as in std({text})"
         )
-    threshold = Threshold(str(text), node.evaluate)
-    if not node.needs_planes and not np.isfinite(threshold.value({})):
+    threshold = Threshold(str(text), node.needs, node.evaluate)
+    if not node.needs and not np.isfinite(threshold.value({})):
         raise ConfigurationError(f"threshold {text!r} is no finite number: give one")
     return threshold
 
 
 @dataclass(frozen=True)
 class _Node:
+    """Part of a formula; `is_plane` where it is a plane alone and nothing was done to it yet."""
+
     evaluate: _Evaluate
     is_image: bool
-    needs_planes: bool = False
+    needs: frozenset[str] = frozenset()
+    is_plane: bool = False
 
 
 class _Parser:
@@ -114,7 +143,7 @@ class _Parser:
             problem = f"{token!r} {problem}"
         else:
             problem = "it ends too early"
-        functions = ", ".join([*_FUNCTIONS, "abs"])
+        functions = ", ".join([*_FUNCTIONS, _NOISE, "abs"])
         return ConfigurationError(
             f"threshold {self.text!r} cannot be read: {problem}; known are numbers, + - * / and "
             f"parentheses, {functions} and {', '.join(_PLANES)}"
@@ -148,7 +177,7 @@ class _Parser:
         node = self.atom()
         if not negative:
             return node
-        return _Node(lambda planes: -node.evaluate(planes), node.is_image, node.needs_planes)
+        return _Node(lambda values: -node.evaluate(values), node.is_image, node.needs)
 
     def atom(self) -> _Node:
         if self.take("("):
@@ -163,7 +192,11 @@ class _Parser:
         if name in _PLANES:
             self.position += 1
             plane = _PLANES[name]
-            return _Node(lambda planes: planes[plane].astype(np.float64), True, True)
+            return _Node(
+                lambda values: values[plane].astype(np.float64), True, frozenset({plane}), True
+            )
+        if name == _NOISE:
+            return self.noise()
         if name in _FUNCTIONS or name == "abs":
             self.position += 1
             if not self.take("("):
@@ -171,13 +204,33 @@ class _Parser:
             inner = self.closed()
             if name == "abs":
                 return _Node(
-                    lambda planes: np.abs(inner.evaluate(planes)),
-                    inner.is_image,
-                    inner.needs_planes,
+                    lambda values: np.abs(inner.evaluate(values)), inner.is_image, inner.needs
                 )
             function = _FUNCTIONS[name]
-            return _Node(lambda planes: function(inner.evaluate(planes)), False, inner.needs_planes)
+            if inner.is_plane:
+                known = f"{name}({next(iter(inner.needs))})"
+                return _Node(
+                    lambda values: (
+                        values[known] if known in values else function(inner.evaluate(values))
+                    ),
+                    False,
+                    frozenset({known}),
+                )
+            return _Node(lambda values: function(inner.evaluate(values)), False, inner.needs)
         raise self.error("is not known")
+
+    def noise(self) -> _Node:
+        self.position += 1
+        if not self.take("("):
+            raise self.error("should be the ( of noise")
+        inner = self.closed()
+        plane = next(iter(inner.needs), "")
+        if not inner.is_plane or plane not in _NOISE_PLANES:
+            raise ConfigurationError(
+                f"threshold {self.text!r}: noise is known of the planes Wave.F and Wave.F1 alone"
+            )
+        known = f"{_NOISE}({plane})"
+        return _Node(lambda values: values[known], False, frozenset({known}))
 
     def closed(self) -> _Node:
         node = self.sum()
@@ -189,7 +242,7 @@ class _Parser:
 def _combine(symbol: str, left: _Node, right: _Node) -> _Node:
     operation = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}[symbol]
     return _Node(
-        lambda planes: operation(left.evaluate(planes), right.evaluate(planes)),
+        lambda values: operation(left.evaluate(values), right.evaluate(values)),
         left.is_image or right.is_image,
-        left.needs_planes or right.needs_planes,
+        left.needs | right.needs,
     )
