@@ -93,6 +93,10 @@ class NominalCameraWarning(RotortrackWarning):
     """The camera's values are a maker's, not measured ones."""
 
 
+class CalibrationWarning(RotortrackWarning):
+    """The films of a calibration are doubtful, or too few to tell all that was asked."""
+
+
 class GainWarning(RotortrackWarning):
     """The movie's variance-against-mean slope contradicts the given gain."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rotortrack_cli.console import Console, one_line
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from rotortrack.cameras.pixels import PixelCheck
     from rotortrack.pipeline.describe_configuration import ConfigurationReport
     from rotortrack.pipeline.describe_movie import MovieReport
-    from rotortrack.pipeline.describe_table import MapReport, TableReport
+    from rotortrack.pipeline.describe_table import MapsReport, TableReport
 
 WIDTH = 100
 _LABEL = 18
@@ -87,44 +86,35 @@ def show_table(console: Console, report: TableReport) -> None:
     console.json(report.as_dict())
 
 
-def show_maps(console: Console, path: Path, reports: Sequence[MapReport]) -> None:
+def show_maps(console: Console, report: MapsReport) -> None:
     """Print what is in a file of camera maps."""
-    console.text(f"{path}: camera maps\n")
+    console.text(f"{report.path}: camera maps\n")
     header = ["array", "size", "median", "least", "largest", "outliers"]
     rows = [
         [
-            report.name,
-            " x ".join(map(str, reversed(report.shape))) or "one number",
-            report.median,
-            report.least,
-            report.largest,
-            report.outliers,
+            array.name,
+            " x ".join(map(str, reversed(array.shape))) or "one number",
+            array.median,
+            array.least,
+            array.largest,
+            array.outliers,
         ]
-        for report in reports
+        for array in report.arrays
     ]
     console.table(header, rows)
-    hot = {report.name: report.outliers for report in reports}
-    if "read_noise_e" in hot:
-        console.text(
-            f"\n{_count(hot['read_noise_e'], 'hot pixel')}: read noise more than eight robust "
-            "standard deviations above the median"
+    console.text("")
+    if report.hot_pixels is not None:
+        _entry(
+            console,
+            "noise",
+            f"{_count(report.hot_pixels, 'hot pixel')}: read noise far above that of most pixels, "
+            "not searched for spots",
         )
-    console.json(
-        {
-            "kind": "camera maps",
-            "file": path,
-            "arrays": {
-                report.name: {
-                    "shape": report.shape,
-                    "median": report.median,
-                    "least": report.least,
-                    "largest": report.largest,
-                    "outliers": report.outliers,
-                }
-                for report in reports
-            },
-        }
-    )
+    if report.dead_pixels is not None:
+        _entry(console, "dead", f"{_count(report.dead_pixels, 'pixel')}, left out everywhere")
+    for key, value in report.provenance.items():
+        _entry(console, one_line(str(key)), _short(value))
+    console.json(report.as_dict())
 
 
 def show_configuration(console: Console, report: ConfigurationReport) -> None:

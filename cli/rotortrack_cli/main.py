@@ -28,6 +28,7 @@ _COMMANDS = {
     "filter": "Keep localisations that are precise and have neighbours.",
     "rotors": "Localisations to rotors: clusters, circles, screening.",
     "motion": "Rotors to angles, speeds, diffusion and behaviour.",
+    "calibrate": "Camera maps from a dark film and films of steady light.",
     "simulate": "Movies of rotors whose motion is known.",
     "convert": "Localisations from one program's format to another's.",
     "doctor": "Whether this computer is fit for the work, and what to do.",

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from rotortrack.cameras.hot_pixels import hot_pixels_of
 from rotortrack.cameras.maps import read_arrays
 from rotortrack.cameras.models import MODELS
 from rotortrack.cameras.options import CameraOptions
@@ -38,6 +39,10 @@ class Camera:
         Read noise, electrons rms.
     saturation_adu
         Largest count; None means the largest that the number type of the counts can hold.
+    hot_pixels
+        Map of pixels that are too noisy to be searched for spots; their noise counts in the fit.
+    dead_pixels
+        Map of pixels that tell nothing of the light: without a number, of infinite variance.
 
     Raises
     ------
@@ -49,6 +54,8 @@ class Camera:
     gain_e_per_adu: Number
     read_noise_e: Number
     saturation_adu: Number | None = None
+    hot_pixels: NDArray[np.bool_] | None = None
+    dead_pixels: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         for name, wrong in _FAULTS.items():
@@ -63,6 +70,10 @@ class Camera:
             bad = ~(np.abs(array) < _BEYOND_CAMERAS) | (wrong(array) if wrong else False)
             if np.any(bad):
                 raise CameraError(_fault(name, array, bad))
+        for name in MASKS:
+            mask = getattr(self, name)
+            if mask is not None and (np.ndim(mask) != 2 or mask.dtype != np.bool_):
+                raise CameraError(f"{name} is no (y, x) map of true and false: give one or none")
         if len(sizes := {size for size in self._sizes().values() if size}) > 1:
             raise CameraError(
                 "camera maps differ in size: "
@@ -79,13 +90,16 @@ class Camera:
 
     @property
     def variance_e2(self) -> Number:
-        """Variance of the read noise, electrons squared; a number or a map."""
-        return self.read_noise_e**2
+        """Variance of the read noise, electrons squared; infinite where a pixel is dead."""
+        variance = self.read_noise_e**2
+        if self.dead_pixels is None:
+            return variance
+        return np.where(self.dead_pixels, np.inf, variance)
 
     def to_photons(self, counts: NDArray[Any]) -> NDArray[np.float32]:
         """Convert counts of shape (y, x) or (frame, y, x): `(counts - offset) * gain`, float32.
 
-        Computed in float32, so counts above 2**24 lose their last digits.
+        Computed in float32, so counts above 2**24 lose their last digits. Dead pixels become NaN.
 
         Raises
         ------
@@ -97,6 +111,8 @@ class Camera:
             counts, self.offset_adu, dtype=np.float32, casting="unsafe"
         )
         photons *= np.asarray(self.gain_e_per_adu, np.float32)
+        if self.dead_pixels is not None:
+            photons[..., self.dead_pixels] = np.nan
         return photons
 
     def to_counts(
@@ -175,7 +191,7 @@ class Camera:
         """Sizes (y, x) of the values that are maps."""
         return {
             name: (np.shape(value)[0], np.shape(value)[1]) if np.ndim(value) else None
-            for name in _FAULTS
+            for name in (*_FAULTS, *MASKS)
             if (value := getattr(self, name)) is not None
         }
 
@@ -184,7 +200,8 @@ def camera_from_options(options: CameraOptions) -> Camera:
     """Make the camera that the options describe.
 
     Three numbers, or maps, or a nominal model; a number that is given stands before the same value
-    of maps or model.
+    of maps or model. Maps of read noise without a map of hot pixels tell them by
+    :func:`rotortrack.cameras.hot_pixels.hot_pixels_of`.
 
     Raises
     ------
@@ -212,6 +229,8 @@ def camera_from_options(options: CameraOptions) -> Camera:
                 f"{path} lacks {', '.join(missing)}: save arrays of these names with numpy.savez, "
                 f"or give {', '.join(map(_flag, missing))}"
             )
+        if "hot_pixels" not in values and np.ndim(values["read_noise_e"]) == 2:
+            values["hot_pixels"] = hot_pixels_of(values["read_noise_e"])
         try:
             return Camera(**values)
         except CameraError as error:
@@ -261,7 +280,7 @@ def load_maps(path: Path) -> dict[str, Any]:
     -------
     dict
         `offset_adu`, `gain_e_per_adu`, `read_noise_e` and `saturation_adu`, those that are there,
-        each a float64 number or array.
+        each a float64 number or array; `hot_pixels` and `dead_pixels` as maps of true and false.
 
     Raises
     ------
@@ -269,7 +288,13 @@ def load_maps(path: Path) -> dict[str, Any]:
         The file cannot be read as arrays by name, or one of them holds no numbers or is larger than
         a camera.
     """
-    return dict(read_arrays(path, _FAULTS))
+    values: dict[str, Any] = dict(read_arrays(path, (*_FAULTS, *MASKS), masks=MASKS))
+    for name in MASKS:
+        if name in values:
+            if np.ndim(values[name]) != 2 or not np.isin(values[name], (0, 1)).all():
+                raise CameraError(f"{path}: {name} is no (y, x) map of 0 and 1: save it as one")
+            values[name] = values[name] == 1
+    return values
 
 
 def _not_positive(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -289,6 +314,9 @@ _FAULTS = {
     "read_noise_e": _negative,
     "saturation_adu": _not_positive,
 }
+MASKS = ("hot_pixels", "dead_pixels")
+"""Maps that tell of pixels apart."""
+
 _NEEDED = ("offset_adu", "gain_e_per_adu", "read_noise_e")
 
 

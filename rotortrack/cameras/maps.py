@@ -1,12 +1,13 @@
-"""Camera maps from an npz file, which may come from anybody: pickled objects are never loaded."""
+"""Camera maps in an npz file, which may come from anybody: pickled objects are never loaded."""
 
 from __future__ import annotations
 
+import json
 import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.errors import CameraError
+from rotortrack.files import atomic_path
 
 _LARGEST_MAP_BYTES = 64_000_000 * 8 + 10_000
 """64 megapixels of float64, the largest frame that movies have unless they are told otherwise."""
+
+_LONGEST_TEXT_BYTES = 4_000_000
 
 _ONE_ARRAY = b"\x93NUMPY"
 
@@ -38,7 +42,9 @@ _DAMAGE = (
 """What zipfile and numpy raise for bytes that are not a whole archive of arrays."""
 
 
-def read_arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+def read_arrays(
+    path: Path, names: Iterable[str], *, masks: Collection[str] = ()
+) -> dict[str, NDArray[np.float64]]:
     """Load the arrays of some names that a file has.
 
     Parameters
@@ -47,6 +53,8 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[np.float6
         The npz file.
     names
         Arrays to look for; others are left alone.
+    masks
+        Those of them that may be saved as true and false.
 
     Raises
     ------
@@ -72,9 +80,37 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[np.float6
             f"arrays {', '.join(names)}"
         ) from error
     for name, values in maps.items():
-        if values.dtype.kind not in "iuf":
+        if values.dtype.kind not in ("biuf" if name in masks else "iuf"):
             raise CameraError(f"{path}: {name} is {values.dtype.name}: save it as numbers")
     return {name: values.astype(np.float64)[()] for name, values in maps.items()}
+
+
+def read_provenance(path: Path) -> dict[str, Any]:
+    """Tell how a file of maps was made, as far as it says; what cannot be read says nothing."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.getinfo("provenance.npy").file_size > _LONGEST_TEXT_BYTES:
+                return {}
+            found = json.loads(str(_read(archive, "provenance", path)))
+    except _DAMAGE:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def write_maps(
+    path: Path, arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]
+) -> None:
+    """Write maps and how they were made as an npz file, whole or not at all.
+
+    Raises
+    ------
+    ResourceError
+        The file cannot be written.
+    """
+    content: Any = {**arrays, "provenance": np.array(json.dumps(provenance, default=str))}
+    # An open file, since numpy would add an ending to a name.
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **content)
 
 
 def _read(archive: zipfile.ZipFile, name: str, path: Path) -> NDArray[Any]:

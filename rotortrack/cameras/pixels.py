@@ -17,7 +17,7 @@ MOST_BYTES = 4_000_000_000
 
 _BLOCK_BYTES = 8_000_000
 _FEWEST_FRAMES = 8
-_CONVERTER_BITS = (8, 10, 11, 12, 14)
+CONVERTER_BITS = (8, 10, 11, 12, 14)
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class PixelCheck:
     @property
     def looks_like_bits(self) -> int | None:
         """Depth of a converter of which the largest count is exactly the end; None if of none."""
-        return next((b for b in _CONVERTER_BITS if self.largest_adu == 2**b - 1), None)
+        return next((b for b in CONVERTER_BITS if self.largest_adu == 2**b - 1), None)
 
 
 def check_pixels(

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.cameras.camera import load_maps
+from rotortrack.cameras.camera import MASKS, load_maps
+from rotortrack.cameras.hot_pixels import hot_pixels_of
+from rotortrack.cameras.maps import read_provenance
 from rotortrack.exchange.tables import TableInfo, read_blocks, read_info
 from rotortrack.tables import LOCALISATIONS
 
@@ -69,8 +71,7 @@ class MapReport:
     median, least, largest
         Over pixels.
     outliers
-        Pixels further than eight robust standard deviations above the median; hot ones, where the
-        offset or the read noise is meant.
+        Pixels further than eight robust standard deviations above the median.
     """
 
     name: str
@@ -79,6 +80,43 @@ class MapReport:
     least: float
     largest: float
     outliers: int
+
+
+@dataclass(frozen=True)
+class MapsReport:
+    """What is in a file of camera maps.
+
+    Attributes
+    ----------
+    path
+        The file.
+    arrays
+        Its numbers and maps.
+    hot_pixels, dead_pixels
+        How many the analysis takes as such; None where there is no map to tell.
+    provenance
+        How the maps were made, as far as the file says.
+    """
+
+    path: Path
+    arrays: tuple[MapReport, ...]
+    hot_pixels: int | None
+    dead_pixels: int | None
+    provenance: dict[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give everything as plain values, the arrays by name."""
+        arrays = {report.name: dataclasses.asdict(report) for report in self.arrays}
+        for report in arrays.values():
+            del report["name"]
+        return {
+            "kind": "camera maps",
+            "file": self.path,
+            "arrays": arrays,
+            "hot_pixels": self.hot_pixels,
+            "dead_pixels": self.dead_pixels,
+            "provenance": self.provenance,
+        }
 
 
 def describe_table(path: Path, *, pixel_size_nm: float | None = None) -> TableReport:
@@ -113,7 +151,7 @@ def describe_table(path: Path, *, pixel_size_nm: float | None = None) -> TableRe
     return TableReport(path, rows, len(frames), columns, info)
 
 
-def describe_maps(path: Path) -> tuple[MapReport, ...]:
+def describe_maps(path: Path) -> MapsReport:
     """Look at the arrays of a camera.
 
     Raises
@@ -121,7 +159,17 @@ def describe_maps(path: Path) -> tuple[MapReport, ...]:
     CameraError
         The file cannot be read as camera maps.
     """
-    return tuple(_map_report(name, np.asarray(values)) for name, values in load_maps(path).items())
+    maps = load_maps(path)
+    masks = {name: int(maps.pop(name).sum()) for name in MASKS if name in maps}
+    if "hot_pixels" not in masks and np.ndim(maps.get("read_noise_e", 0.0)) == 2:
+        masks["hot_pixels"] = int(hot_pixels_of(maps["read_noise_e"]).sum())
+    return MapsReport(
+        path,
+        tuple(_map_report(name, np.asarray(values)) for name, values in maps.items()),
+        masks.get("hot_pixels"),
+        masks.get("dead_pixels"),
+        read_provenance(path),
+    )
 
 
 class _Range:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from rotortrack.cameras.hot_pixels import hot_limit_e
 from rotortrack.files import atomic_path
 from rotortrack.pipeline.store import FIGURE_NAME
+from rotortrack.report import words
 from rotortrack.report.figures import (
+    camera_maps,
     canvas,
     cumulative_angle,
     field,
@@ -25,6 +28,9 @@ from rotortrack.report.figures import (
     drift as drift_figure,
 )
 from rotortrack.report.figures.canvas import FileFormat
+
+if TYPE_CHECKING:
+    from rotortrack.cameras.calibrate import Calibration
 
 _FOLDER = "figures"
 
@@ -131,6 +137,28 @@ def draw_run(
         if FIGURE_NAME.fullmatch(path.name) and path not in written:
             path.unlink()
     return written
+
+
+def draw_camera(path: Path, calibration: Calibration, file_format: FileFormat = "png") -> None:
+    """Draw the maps of a calibrated camera into a file."""
+    made_from = words.count(calibration.dark_frames, "dark frame")
+    used = [level for level in calibration.levels if level.reason is None]
+    if used:
+        frames = words.count(sum(level.frames for level in used), "frame")
+        made_from += f", {frames} of {words.count(len(used), 'flat')}"
+    else:
+        made_from += ", gain given"
+    alive = ~calibration.dead_pixels
+    made = camera_maps.figure(
+        offset_adu=calibration.offset_adu,
+        gain_e_per_adu=calibration.gain_e_per_adu,
+        read_noise_e=calibration.read_noise_e,
+        hot_pixels=calibration.hot_pixels,
+        dead_pixels=calibration.dead_pixels,
+        hot_limit_e=hot_limit_e(calibration.read_noise_e[alive]),
+        made_from=made_from,
+    )
+    canvas.save(made, path, file_format)
 
 
 def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[Any, Any]]:

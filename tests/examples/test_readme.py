@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from rotortrack.movies.tiff import open_movie
+from rotortrack.movies.write import write_movie
 from rotortrack_cli.exits import Exit
-from rotortrack_cli.main import rotortrack
+from rotortrack_cli.main import main, rotortrack
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -21,6 +26,25 @@ def test_the_notebook_example_finds_the_rotors(monkeypatch, capsys):
     exec(code, names)
     assert len(names["found"].rotors) == 8
     assert "radius_nm" in capsys.readouterr().out
+
+
+def test_the_calibration_example_gives_maps_that_a_run_takes(monkeypatch, tmp_path):
+    (block,) = re.findall(r"# calibrate the camera.*?\n(.*?)```", README, re.DOTALL)
+    with open_movie(ROOT / "sample_data" / "rotors" / "movie.tif") as movie:
+        write_movie(tmp_path / "movie.tif", [movie.frames(0, 200)])
+        size = movie.shape[1:]
+    rng = np.random.default_rng(1)
+    for name, light in (("dark", 0), ("flat-1", 100), ("flat-2", 500), ("flat-3", 2000)):
+        electrons = rng.poisson(light, (100, *size)) + rng.normal(0, 1.4, (100, *size))
+        counts = np.rint(electrons / 1.5 + 100).astype(np.uint16)
+        write_movie(tmp_path / f"{name}.tif", [counts])
+    monkeypatch.chdir(tmp_path)
+    lines = block.replace("\\\n", " ").splitlines()
+    assert [shlex.split(line)[1] for line in lines] == ["calibrate", "info", "run"]
+    for line in lines:
+        assert main([*shlex.split(line)[1:], *(["-q"] if "info" not in line else [])]) == 0
+    assert (tmp_path / "camera.png").is_file()
+    assert len(pd.read_csv(tmp_path / "results" / "rotors.csv")) >= 6
 
 
 COMMANDS = set(re.findall(r"(?:`|^|/|&& )rotortrack ([a-z]+)\b", README, re.MULTILINE))

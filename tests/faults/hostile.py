@@ -132,6 +132,10 @@ READERS: dict[str, tuple[tuple[str, ...], int]] = {
     "info parquet": (("info", "{}.parquet"), 3),
     "info hdf5": (("info", "{}.hdf5", "--pixel-size-nm", "100"), 3),
     "info maps": (("info", "{}.npz"), 3),
+    "calibrate": (
+        ("calibrate", "{}.tif", "--gain-e-per-adu", "1", "-o", "{folder}/c.npz", "-q"),
+        3,
+    ),
     "run": (("run", "{}.tif", *SCALE, *CAMERA, "-o", "{folder}/out", "-q"), 3),
     "convert csv": (("convert", "{}.csv", "{folder}/out.parquet", "-q"), 3),
     "convert csv.gz": (("convert", "{}.csv.gz", "{folder}/out.parquet", "-q"), 3),

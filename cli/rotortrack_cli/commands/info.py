@@ -59,7 +59,7 @@ def command(console: Console, paths: tuple[Path, ...], given: Given) -> None:
         from rotortrack.pipeline.describe_table import describe_maps
         from rotortrack_cli.description import show_maps
 
-        show_maps(console, path, describe_maps(path))
+        show_maps(console, describe_maps(path))
     elif others:
         from rotortrack.pipeline.describe_configuration import describe_configuration
         from rotortrack_cli.description import show_configuration

@@ -198,3 +198,47 @@ def test_unusable_map_files_are_camera_errors(tmp_path: Path) -> None:
     with path.open("wb") as file:
         np.save(file, np.ones(3))
     assert "one array" in sentence()
+
+
+def test_hot_and_dead_pixels_are_kept_cut_and_checked(tmp_path: Path) -> None:
+    hot, dead = np.zeros((2, *SHAPE), np.bool_)
+    hot[1, 2], dead[3, 4] = True, True
+    path = tmp_path / "camera.npz"
+    np.savez(path, **maps(), hot_pixels=hot, dead_pixels=dead.astype(np.uint8))
+    camera = camera_from_options(CameraOptions(camera_maps=str(path)))
+    np.testing.assert_array_equal(camera.hot_pixels, hot)
+    np.testing.assert_array_equal(camera.dead_pixels, dead)
+    assert np.argwhere(np.isinf(camera.variance_e2)).tolist() == [[3, 4]]
+    assert np.argwhere(np.isnan(camera.to_photons(np.ones((2, *SHAPE))))).tolist() == [
+        [0, 3, 4],
+        [1, 3, 4],
+    ]
+    cut = camera.crop(1, 1, 6, 4)
+    assert np.argwhere(cut.hot_pixels).tolist() == [[0, 1]]
+    assert np.argwhere(cut.dead_pixels).tolist() == [[2, 3]]
+    with pytest.raises(CameraError, match="hot_pixels has 9 x 6 pixels"):
+        Camera(100.0, 0.5, 1.0, hot_pixels=hot).check_fits(6, 10)
+    with pytest.raises(CameraError, match=r"differ in size: .*dead_pixels 5 x 9"):
+        Camera(**maps(), dead_pixels=dead[:5])
+    with pytest.raises(CameraError, match="hot_pixels is no"):
+        Camera(**maps(), hot_pixels=hot.astype(float))
+    for wrong in (hot * 2.0, hot[0], np.bool_(True), np.full(SHAPE, np.nan)):
+        np.savez(path, **maps(), hot_pixels=wrong)
+        with pytest.raises(CameraError, match=r"camera\.npz: hot_pixels is no .*map of 0 and 1"):
+            camera_from_options(CameraOptions(camera_maps=str(path)))
+    np.savez(path, **{**maps(), "offset_adu": hot})
+    with pytest.raises(CameraError, match="offset_adu is bool: save it as numbers"):
+        camera_from_options(CameraOptions(camera_maps=str(path)))
+
+
+def test_maps_that_tell_no_hot_pixels_get_them_from_their_read_noise(tmp_path: Path) -> None:
+    values = maps()
+    values["read_noise_e"][2, 3] = 50.0
+    path = tmp_path / "camera.npz"
+    np.savez(path, **values)
+    options = CameraOptions(camera_maps=str(path))
+    assert np.argwhere(camera_from_options(options).hot_pixels).tolist() == [[2, 3]]
+    np.savez(path, **values, hot_pixels=np.zeros(SHAPE, np.bool_))
+    assert not np.any(camera_from_options(options).hot_pixels)
+    np.savez(path, **{**values, "read_noise_e": 1.4})
+    assert camera_from_options(options).hot_pixels is None

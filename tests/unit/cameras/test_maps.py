@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rotortrack.cameras.camera import camera_from_options
-from rotortrack.cameras.maps import read_arrays
+from rotortrack.cameras.maps import read_arrays, read_provenance, write_maps
 from rotortrack.cameras.options import CameraOptions
 from rotortrack.errors import CameraError
 
@@ -146,3 +146,40 @@ def test_impossible_values_name_the_file(tmp_path: Path) -> None:
         np.savez(path, offset_adu=good, gain_e_per_adu=wrong, read_noise_e=good)
         with pytest.raises(CameraError, match=r"camera\.npz: gain_e_per_adu is .* row 2, column 3"):
             camera_from_options(CameraOptions(camera_maps=str(path)))
+
+
+def test_written_maps_and_how_they_were_made_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "camera.npz"
+    values = np.arange(6, dtype=np.float32).reshape(2, 3)
+    made = {"command": "calibrate", "inputs": [{"path": "dårk.tif"}]}
+    write_maps(path, {"offset_adu": values, "hot_pixels": values > 4}, made)
+    found = read_arrays(path, ("offset_adu", "hot_pixels"), masks=("hot_pixels",))
+    np.testing.assert_array_equal(found["offset_adu"], values)
+    assert found["hot_pixels"].tolist() == [[0, 0, 0], [0, 0, 1]]
+    assert read_provenance(path) == made
+    assert list(tmp_path.iterdir()) == [path]
+    before = path.read_bytes()
+    write_maps(path, {"offset_adu": values, "hot_pixels": values > 4}, made)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[1]", "{", "[" * 50_000, '{"a":' * 5000, "1e999", "NaN", "\ud800"]
+)
+def test_a_record_that_is_none_says_nothing(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "camera.npz"
+    np.savez(path, provenance=np.array(text))
+    assert read_provenance(path) == {}
+    np.savez(path, provenance=np.array(["a" * 2_000_000] * 2))
+    assert read_provenance(path) == {}
+    np.savez(path, offset_adu=1.0)
+    assert read_provenance(path) == {}
+
+
+def test_a_record_that_is_a_pickle_is_not_loaded(tmp_path: Path) -> None:
+    path, trace = tmp_path / "camera.npz", tmp_path / "trace"
+    objects = io.BytesIO()
+    np.save(objects, np.array([Bomb(trace)], dtype=object), allow_pickle=True)
+    archive(path, objects.getvalue(), "provenance.npy")
+    assert read_provenance(path) == {}
+    assert not trace.exists()

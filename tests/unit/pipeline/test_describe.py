@@ -144,7 +144,9 @@ def test_hot_pixels_of_maps_are_counted(tmp_path: Path) -> None:
     offset = np.rint(rng.normal(100, 0.3, (40, 50)))
     path = tmp_path / "camera.npz"
     np.savez(path, read_noise_e=noise, offset_adu=offset, gain_e_per_adu=0.5)
-    reports = {report.name: report for report in describe_maps(path)}
+    described = describe_maps(path)
+    assert described.hot_pixels == 3
+    reports = {report.name: report for report in described.arrays}
     assert reports["read_noise_e"].shape == (40, 50)
     assert reports["read_noise_e"].outliers == 3
     assert reports["read_noise_e"].median == pytest.approx(1.4, abs=0.01)
