@@ -24,11 +24,13 @@ from rotortrack.cameras.camera import Camera
 from rotortrack.errors import MovieError
 from rotortrack.flags import FitFlag
 from rotortrack.localise.candidates import local_maxima
-from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_candidates
+from rotortrack.localise.fit import RESULT_COLUMNS
+from rotortrack.localise.lanes import fit_windows
 from rotortrack.localise.options import LocaliseOptions
 from rotortrack.localise.precision import thunderstorm_uncertainty
 from rotortrack.localise.threshold import parse_threshold
 from rotortrack.localise.wavelet import bspline_taps, wavelet_planes
+from rotortrack.localise.windows import LANES, camera_arrays, cut_windows
 from rotortrack.movies.movie import Movie
 from rotortrack.tables import LOCALISATIONS
 
@@ -188,7 +190,6 @@ class _Worker:
         self._pixel_size_nm = pixel_size_nm
         self._taps = bspline_taps(options.wavelet_order, options.wavelet_scale).astype(np.float32)
         self._threshold = parse_threshold(options.threshold)
-        self._variance = np.atleast_2d(np.asarray(camera.variance_e2, np.float32))
         self._own = threading.local()
         self._opened: list[Movie] = []
 
@@ -206,28 +207,32 @@ class _Worker:
     def __call__(self, frames: tuple[int, int]) -> Block:
         start, stop = frames
         counts = self._reader().frames(start, stop)
+        dtype = counts.dtype
         photons = self._camera.to_photons(counts)
         masked = ~np.isfinite(photons)
         any_masked = bool(masked.any())
         if any_masked:
             photons[masked] = np.nan
+        lowest = np.zeros(len(photons), np.float32)
         if self._options.shift_negative_frames:
-            lowest = np.nanmin(photons, axis=(1, 2), keepdims=True, initial=0.0)
-            photons -= lowest
+            lowest = np.nanmin(photons, axis=(1, 2), initial=0.0)
+            photons -= lowest[:, None, None]
         candidates = self._candidates(photons, masked if any_masked else None)
-        results = np.empty((len(candidates), len(RESULT_COLUMNS)))
-        flags = np.zeros(len(candidates), np.int32)
-        fit_candidates(
-            photons,
-            self._variance,
-            candidates,
-            self._options.fit_radius_px,
-            self._options.initial_sigma_px,
-            METHODS[self._options.method],
-            results,
-            flags,
+        if counts.dtype != np.uint16:
+            counts = counts.astype(np.float32)
+        radius = self._options.fit_radius_px
+        windows = cut_windows(counts, camera_arrays(self._camera, dtype), candidates, radius)
+        if lowest.any():
+            shift = np.zeros(len(windows.photons) * LANES, np.float32)
+            shift[: len(candidates)] = lowest[candidates[:, 0]]
+            windows.photons[:] -= shift.reshape(-1, 1, LANES) * np.isfinite(windows.variance)
+        results, flags = fit_windows(
+            windows,
+            radius,
+            method=self._options.method,
+            sigma_px=self._options.initial_sigma_px,
         )
-        self._flag_saturated(counts, candidates, flags)
+        results[:2] += candidates[:, [2, 1]].T + 0.5
         columns = self._columns(start, candidates, results, flags)
         return Block(
             start,
@@ -273,23 +278,6 @@ class _Worker:
             found.append(rows)
         return np.concatenate(found) if found else np.empty((0, 3), np.int32)
 
-    def _flag_saturated(
-        self, counts: NDArray[Any], candidates: NDArray[np.int32], flags: NDArray[np.int32]
-    ) -> None:
-        limit = self._camera.saturation_adu
-        if limit is None and np.issubdtype(counts.dtype, np.integer):
-            limit = np.iinfo(counts.dtype).max
-        if limit is None:
-            return
-        saturated = counts >= limit
-        if not saturated.any():
-            return
-        reach = range(-self._options.fit_radius_px, self._options.fit_radius_px + 1)
-        frame, row, column = candidates.T
-        for i in reach:
-            for j in reach:
-                flags[saturated[frame, row + i, column + j]] |= FitFlag.SATURATED
-
     def _frame_numbers(self, start: int, frames: NDArray[np.int32]) -> NDArray[np.int64]:
         """Give the numbers of frames of a block; dropped frames have theirs, too."""
         places = frames.astype(np.int64) + start
@@ -304,7 +292,7 @@ class _Worker:
         flags: NDArray[np.int32],
     ) -> Columns:
         kept = flags & _DROPPED == 0
-        fitted = dict(zip(RESULT_COLUMNS, results[kept].T, strict=True))
+        fitted = dict(zip(RESULT_COLUMNS, results[:, kept], strict=True))
         size = self._pixel_size_nm
         x0, y0 = self._movie.origin_px
         x_sd_nm = fitted["x_sd_px"] * size
