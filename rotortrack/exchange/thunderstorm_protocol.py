@@ -239,10 +239,16 @@ def _estimator(protocol: Protocol, estimator: Mapping[str, Any]) -> None:
         initial_sigma_px=_as_number(_field(estimator, "initialSigma", "sigma")),
     )
     crowded = _mapping(estimator.get("crowdedField"))
-    if _field(crowded, "mfaEnabled", "mfaenabled") is True:
+    several = _field(crowded, "mfaEnabled", "mfaenabled") is True
+    if several:
         protocol.left_out.append(
-            "its multi-emitter fitting does not exist here: each candidate is fitted by one spot"
+            "its multi-emitter fitting is another one here: up to three spots are fitted together "
+            "where the likelihood asks for them"
         )
+    # The plugin leaves out what reaches beyond the frame and corrects no bias.
+    protocol.take(
+        "localise", clip_at_border=False, correct_bias=False, max_emitters=3 if several else 1
+    )
     if _field(estimator, "fullImageFitting", "full_image_fitting") is True:
         protocol.left_out.append(
             "its fitting of one spot to the whole image does not exist here: every candidate is "

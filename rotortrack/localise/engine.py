@@ -1,8 +1,9 @@
 """Frames to localisations, block by block.
 
-A block is read, turned into photons, filtered, searched and fitted by one worker; every frame is
-treated on its own, so the result does not depend on the number of workers or on the block size, to
-the last bit.
+A block is read, filtered, searched and fitted by one worker; kernels turn counts into photons as
+they read them, so no copy of the frames exists. Every frame is treated on its own and every spot by
+itself, so the result does not depend on the number of workers or on the block size, to the last
+bit.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ from numpy.typing import NDArray
 
 from rotortrack import parallel
 from rotortrack.cameras.camera import Camera
-from rotortrack.errors import MovieError
+from rotortrack.errors import ConfigurationError, MovieError
 from rotortrack.flags import FitFlag
-from rotortrack.localise.candidates import local_maxima
-from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_candidates
+from rotortrack.localise.detect import find_candidates
+from rotortrack.localise.fit import RESULT_COLUMNS
+from rotortrack.localise.joint import resolve
+from rotortrack.localise.lanes import fit_windows
 from rotortrack.localise.options import LocaliseOptions
 from rotortrack.localise.precision import thunderstorm_uncertainty
+from rotortrack.localise.quick import QUICK_METHODS, estimate
 from rotortrack.localise.threshold import parse_threshold
-from rotortrack.localise.wavelet import bspline_taps, wavelet_planes
+from rotortrack.localise.wavelet import bspline_taps
+from rotortrack.localise.windows import CameraArrays, camera_arrays, cut_windows
 from rotortrack.movies.movie import Movie
 from rotortrack.tables import LOCALISATIONS
 
@@ -37,8 +42,8 @@ if TYPE_CHECKING:
 
 Columns = dict[str, NDArray[Any]]
 
-BLOCK_PIXELS = 2_000_000
-"""Pixels of a block; with every plane of a frame held at once this bounds a worker's memory."""
+BLOCK_PIXELS = 4_000_000
+"""Pixels of a block, which bounds a worker's memory."""
 
 _DROPPED = FitFlag.LEFT_WINDOW | FitFlag.SINGULAR | FitFlag.NOT_FINITE
 
@@ -112,7 +117,7 @@ def localise(
     Raises
     ------
     ConfigurationError
-        The threshold is not a formula.
+        The threshold is not a formula, or the uncertainty is one for fits and there are none.
     MovieError
         A frame is smaller than the fit window, or cannot be read.
     CameraError
@@ -127,6 +132,11 @@ def localise(
             f"{movie.path or 'the movie'} has frames of {width} x {height} pixels, smaller than "
             f"the fit window of {window} x {window}: choose a smaller fit_radius_px or a larger "
             "region"
+        )
+    if options.uncertainty != "bound" and options.method in QUICK_METHODS:
+        raise ConfigurationError(
+            f"uncertainty = {options.uncertainty!r} is a formula for fits, and method = "
+            f"{options.method!r} makes none: choose mle, wlsq or lsq, or uncertainty = 'bound'"
         )
     camera.check_fits(height, width)
     worker = _Worker(movie, camera, options, pixel_size_nm)
@@ -188,7 +198,7 @@ class _Worker:
         self._pixel_size_nm = pixel_size_nm
         self._taps = bspline_taps(options.wavelet_order, options.wavelet_scale).astype(np.float32)
         self._threshold = parse_threshold(options.threshold)
-        self._variance = np.atleast_2d(np.asarray(camera.variance_e2, np.float32))
+        self._arrays = camera_arrays(camera, movie.dtype)
         self._own = threading.local()
         self._opened: list[Movie] = []
 
@@ -205,40 +215,88 @@ class _Worker:
 
     def __call__(self, frames: tuple[int, int]) -> Block:
         start, stop = frames
-        counts = self._reader().frames(start, stop)
-        photons = self._camera.to_photons(counts)
-        masked = ~np.isfinite(photons)
-        any_masked = bool(masked.any())
-        if any_masked:
-            photons[masked] = np.nan
-        if self._options.shift_negative_frames:
-            lowest = np.nanmin(photons, axis=(1, 2), keepdims=True, initial=0.0)
-            photons -= lowest
-        candidates = self._candidates(photons, masked if any_masked else None)
-        results = np.empty((len(candidates), len(RESULT_COLUMNS)))
-        flags = np.zeros(len(candidates), np.int32)
-        fit_candidates(
-            photons,
-            self._variance,
-            candidates,
-            self._options.fit_radius_px,
-            self._options.initial_sigma_px,
-            METHODS[self._options.method],
-            results,
-            flags,
+        options = self._options
+        counts, camera = self._prepare(self._reader().frames(start, stop))
+        missing = 0 if counts.dtype.kind == "u" else int(np.count_nonzero(~np.isfinite(counts)))
+        candidates = find_candidates(
+            counts,
+            camera,
+            self._threshold,
+            taps=self._taps,
+            connectivity=options.connectivity,
+            border=0 if options.clip_at_border else options.fit_radius_px,
+            quantum_e=self._quantum_e,
+            hidden=self._camera.hot_pixels,
         )
-        self._flag_saturated(counts, candidates, flags)
+        results, flags = self._fit(counts, camera, candidates)
+        found = len(candidates)
+        if options.max_emitters > 1 and options.method not in QUICK_METHODS:
+            joint = resolve(
+                counts,
+                camera,
+                candidates,
+                results,
+                flags,
+                options.fit_radius_px,
+                max_emitters=options.max_emitters,
+                sigma_px=options.initial_sigma_px,
+                free_sigma=options.fit_sigma,
+            )
+            candidates, results, flags = candidates[joint.owners], joint.results, joint.flags
         columns = self._columns(start, candidates, results, flags)
         return Block(
             start,
             stop,
             columns,
             Counts(
-                candidates=len(candidates),
+                candidates=found,
                 localisations=len(columns["frame"]),
-                masked_pixels=int(masked.sum()) if any_masked else 0,
+                masked_pixels=missing,
                 flags=Counter({flag: int(np.count_nonzero(flags & flag)) for flag in FitFlag}),
             ),
+        )
+
+    @functools.cached_property
+    def _quantum_e(self) -> float:
+        whole = self._movie.dtype.kind in "iu"
+        return float(np.median(self._arrays.gain_e_per_adu)) if whole else 0.0
+
+    def _prepare(self, counts: NDArray[Any]) -> tuple[NDArray[Any], CameraArrays]:
+        """Give frames of one of the two types that kernels take, and the camera that reads them."""
+        if not self._options.shift_negative_frames:
+            kind = np.uint16 if counts.dtype == np.uint16 else np.float32
+            return np.ascontiguousarray(counts, kind), self._arrays
+        photons = self._camera.to_photons(counts)
+        photons[~np.isfinite(photons)] = np.nan
+        lowest = np.nanmin(photons, axis=(1, 2), keepdims=True, initial=0.0)
+        photons -= lowest
+        camera = self._arrays
+        # The limit in photons of the frame that was raised most: none that is saturated is missed.
+        limit = (camera.saturation_adu - camera.offset_adu) * camera.gain_e_per_adu
+        one = np.ones((1, 1), np.float32)
+        return photons, CameraArrays(0.0 * one, one, camera.variance_e2, limit)
+
+    def _fit(
+        self, counts: NDArray[Any], camera: CameraArrays, candidates: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        options = self._options
+        radius, sigma_px = options.fit_radius_px, options.initial_sigma_px
+        windows = cut_windows(counts, camera, candidates, radius)
+        if options.method in QUICK_METHODS:
+            return estimate(
+                windows,
+                radius,
+                method=options.method,
+                sigma_px=sigma_px,
+                free_sigma=options.fit_sigma,
+            )
+        return fit_windows(
+            windows,
+            radius,
+            method=options.method,
+            sigma_px=sigma_px,
+            free_sigma=options.fit_sigma,
+            correct_bias=options.correct_bias,
         )
 
     def _reader(self) -> Movie:
@@ -248,47 +306,6 @@ class _Worker:
             if movie is not self._movie:
                 self._opened.append(movie)
         return movie
-
-    def _candidates(
-        self, photons: NDArray[np.float32], masked: NDArray[np.bool_] | None
-    ) -> NDArray[np.int32]:
-        """Search every frame; (n, 3) frame within the block, row, column."""
-        found = []
-        for index, frame in enumerate(photons):
-            if masked is not None and masked[index].any():
-                # A hole would spread through the filter; the median leaves no false maximum.
-                if masked[index].all():
-                    continue
-                frame = np.where(masked[index], np.float32(np.nanmedian(frame)), frame)
-            planes = wavelet_planes(frame, self._taps)
-            threshold = self._threshold.value(
-                {"I": frame, "F": planes.f, "F1": planes.f1, "F2": planes.f2}
-            )
-            maxima = local_maxima(
-                planes.f, threshold, self._options.connectivity, self._options.fit_radius_px
-            )
-            rows = np.empty((len(maxima), 3), np.int32)
-            rows[:, 0] = index
-            rows[:, 1:] = maxima
-            found.append(rows)
-        return np.concatenate(found) if found else np.empty((0, 3), np.int32)
-
-    def _flag_saturated(
-        self, counts: NDArray[Any], candidates: NDArray[np.int32], flags: NDArray[np.int32]
-    ) -> None:
-        limit = self._camera.saturation_adu
-        if limit is None and np.issubdtype(counts.dtype, np.integer):
-            limit = np.iinfo(counts.dtype).max
-        if limit is None:
-            return
-        saturated = counts >= limit
-        if not saturated.any():
-            return
-        reach = range(-self._options.fit_radius_px, self._options.fit_radius_px + 1)
-        frame, row, column = candidates.T
-        for i in reach:
-            for j in reach:
-                flags[saturated[frame, row + i, column + j]] |= FitFlag.SATURATED
 
     def _frame_numbers(self, start: int, frames: NDArray[np.int32]) -> NDArray[np.int64]:
         """Give the numbers of frames of a block; dropped frames have theirs, too."""
@@ -304,9 +321,11 @@ class _Worker:
         flags: NDArray[np.int32],
     ) -> Columns:
         kept = flags & _DROPPED == 0
-        fitted = dict(zip(RESULT_COLUMNS, results[kept].T, strict=True))
+        fitted = dict(zip(RESULT_COLUMNS, results[:, kept], strict=True))
         size = self._pixel_size_nm
-        x0, y0 = self._movie.origin_px
+        # Fits count from the centre of the candidate's pixel.
+        x0 = self._movie.origin_px[0] + candidates[kept, 2] + 0.5
+        y0 = self._movie.origin_px[1] + candidates[kept, 1] + 0.5
         x_sd_nm = fitted["x_sd_px"] * size
         y_sd_nm = fitted["y_sd_px"] * size
         if self._options.uncertainty == "bound":

@@ -1,4 +1,4 @@
-"""Fits of all candidates of a block of frames."""
+"""One window at a time in float64: the second tier of the fit, and the reference of the first."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.flags import FitFlag
+from rotortrack.flags import FIT_FAILED, FitFlag
 from rotortrack.kernels import kernel
+from rotortrack.localise.bias import correct
 from rotortrack.localise.gaussian import BACKGROUND, PARAMETERS, PHOTONS, SIGMA, X, Y, profile
 from rotortrack.localise.least_squares import inverse_value_weights
 from rotortrack.localise.likelihood import SMALLEST_EXPECTATION
 from rotortrack.localise.optimise import LEAST_SQUARES, LIKELIHOOD, optimise
 from rotortrack.localise.precision import covariance
+from rotortrack.localise.windows import LANES, Windows
 
 _LSQ, _WLSQ, _MLE = range(3)
 METHODS: Final = {"lsq": _LSQ, "wlsq": _WLSQ, "mle": _MLE}
@@ -35,80 +37,102 @@ RESULT_COLUMNS: Final = (
 _LEFT_WINDOW = int(FitFlag.LEFT_WINDOW)
 _SINGULAR = int(FitFlag.SINGULAR)
 _NOT_FINITE = int(FitFlag.NOT_FINITE)
-_MASKED_PIXELS = int(FitFlag.MASKED_PIXELS)
+_AT_BOUND = int(FitFlag.AT_BOUND)
+_FAILED = int(FIT_FAILED)
 
 
-@kernel
-def fit_candidates(
-    photons: NDArray[np.float32],
-    variance: NDArray[np.float32],
-    candidates: NDArray[np.int32],
-    radius: int,
-    start_sigma: float,
-    method: int,
+def fit_chosen(
+    windows: Windows,
+    chosen: NDArray[np.int64],
+    *,
+    method: str,
+    sigma_px: float,
+    free_sigma: bool,
+    correct_bias: bool,
     results: NDArray[np.float64],
     flags: NDArray[np.int32],
 ) -> None:
-    """Fit an integrated Gaussian to the window of every candidate.
+    """Fit an integrated Gaussian to chosen windows by Levenberg-Marquardt, about 10 us each.
 
-    Every fit starts at the candidate's pixel with the window's minimum as background, as
+    Every fit starts at the window's middle with the window's minimum as background, as
     ThunderSTORM's do, and each is on its own: neighbours are neither masked nor merged.
 
     Parameters
     ----------
-    photons
-        (frame, height, width); NaN pixels carry no weight.
-    variance
-        (height, width) read variance in electrons^2, or (1, 1) for all pixels alike.
-    candidates
-        (n, 3) frame, row, column; windows must lie within the frame.
-    radius
-        Windows are 2 * radius + 1 pixels wide.
-    start_sigma
-        Width at which fits start, pixels.
+    windows
+        Photo-electrons and read variances.
+    chosen
+        (k,) windows to fit.
     method
-        A value of METHODS.
+        A key of METHODS.
+    sigma_px
+        Width at which fits start, or which they keep, pixels.
+    free_sigma
+        Whether the width is fitted.
+    correct_bias
+        Subtract the bias of a likelihood fit, see :mod:`bias`.
     results
-        (n, 10) receives RESULT_COLUMNS; x and y in pixels from the frame's outer corner.
+        (10, n) rows RESULT_COLUMNS, of which the chosen columns are filled; x and y in pixels from
+        the window's middle.
     flags
-        (n,) receives bits of FitFlag.
+        (n,) bits of FitFlag; how the chosen fits ended is added.
     """
-    n = 2 * radius + 1
+    _fit_chosen(
+        windows.photons,
+        windows.variance,
+        chosen,
+        METHODS[method],
+        sigma_px,
+        free_sigma,
+        correct_bias and method == "mle",
+        results,
+        flags,
+    )
+
+
+@kernel
+def _fit_chosen(
+    photons: NDArray[np.float32],
+    variance: NDArray[np.float32],
+    chosen: NDArray[np.int64],
+    method: int,
+    start_sigma: float,
+    free_sigma: bool,
+    correct_bias: bool,
+    results: NDArray[np.float64],
+    flags: NDArray[np.int32],
+) -> None:
+    n = int(math.sqrt(photons.shape[1]))
     data = np.empty((n, n))
     noise = np.empty((n, n))
     keep = np.empty((n, n))
     weights = np.empty((n, n))
     parameters = np.empty(PARAMETERS)
     matrix = np.empty((PARAMETERS, PARAMETERS))
-    uniform = variance.size == 1
-    for k in range(candidates.shape[0]):
-        frame = photons[candidates[k, 0]]
-        row = candidates[k, 1]
-        column = candidates[k, 2]
+    likely = method == _MLE
+    for k in chosen:
         lowest = np.inf
         highest = -np.inf
-        masked = 0
+        count = 0
         for i in range(n):
             for j in range(n):
-                value = frame[row - radius + i, column - radius + j]
-                if uniform:
-                    noise[i, j] = variance[0, 0]
-                else:
-                    noise[i, j] = variance[row - radius + i, column - radius + j]
-                if np.isfinite(value):
-                    data[i, j] = value
+                value = photons[k // LANES, i * n + j, k % LANES]
+                spread = variance[k // LANES, i * n + j, k % LANES]
+                data[i, j] = value
+                if spread < np.inf:
+                    noise[i, j] = spread
                     keep[i, j] = 1.0
                     lowest = min(lowest, value)
                     highest = max(highest, value)
+                    count += 1
                 else:
-                    data[i, j] = 0.0
+                    noise[i, j] = 0.0
                     keep[i, j] = 0.0
-                    masked += 1
                 weights[i, j] = keep[i, j]
-        for c in range(results.shape[1]):
-            results[k, c] = np.nan
-        if n * n - masked <= PARAMETERS:
-            flags[k] = _NOT_FINITE
+        for c in range(results.shape[0]):
+            results[c, k] = np.nan
+        if count <= PARAMETERS:
+            flags[k] |= _NOT_FINITE
             continue
         parameters[X] = 0.0
         parameters[Y] = 0.0
@@ -118,30 +142,42 @@ def fit_candidates(
         if method == _WLSQ:
             inverse_value_weights(data, keep, weights)
         # One call for both kinds: every further one is inlined and compiled again.
-        likely = method == _MLE
         end = optimise(
             LIKELIHOOD if likely else LEAST_SQUARES,
             data,
             noise if likely else weights,
             keep,
             parameters,
+            free_sigma,
         )
-        if masked > 0:
-            end |= _MASKED_PIXELS
-        if not (abs(parameters[X]) <= radius and abs(parameters[Y]) <= radius):
+        if not (abs(parameters[X]) <= n // 2 and abs(parameters[Y]) <= n // 2):
             end |= _LEFT_WINDOW
-        if covariance(parameters, noise, keep, weights, not likely, matrix):
-            results[k, 5] = math.sqrt(matrix[X, X])
-            results[k, 6] = math.sqrt(matrix[Y, Y])
-        else:
-            end |= _SINGULAR
-        results[k, 0] = parameters[X] + column + 0.5
-        results[k, 1] = parameters[Y] + row + 0.5
-        results[k, 2] = parameters[PHOTONS]
-        results[k, 3] = parameters[BACKGROUND]
-        results[k, 4] = parameters[SIGMA]
-        _judge(data, noise, keep, parameters, results[k])
-        flags[k] = end
+        _judge(data, noise, keep, parameters, results, k)
+        # The bound belongs to the corrected parameters, hence a second time.
+        corrections = 1 if correct_bias and end & _FAILED == 0 else 0
+        for repeat in range(corrections + 1):
+            is_last = repeat == corrections
+            known = covariance(
+                parameters,
+                noise,
+                keep,
+                weights,
+                not likely,
+                is_last or end & _AT_BOUND == 0,
+                free_sigma,
+                matrix,
+            )
+            if not known:
+                end |= _SINGULAR
+                break
+            if is_last:
+                results[5, k] = math.sqrt(matrix[X, X])
+                results[6, k] = math.sqrt(matrix[Y, Y])
+            else:
+                correct(parameters, noise, keep, matrix)
+        for a in range(PARAMETERS):
+            results[a, k] = parameters[a]
+        flags[k] |= end
 
 
 @kernel
@@ -150,7 +186,8 @@ def _judge(
     noise: NDArray[np.float64],
     keep: NDArray[np.float64],
     parameters: NDArray[np.float64],
-    result: NDArray[np.float64],
+    results: NDArray[np.float64],
+    k: int,
 ) -> None:
     """Fill the residuals' standard deviation, Pearson's chi-square and the deviance."""
     n = data.shape[0]
@@ -179,6 +216,6 @@ def _judge(
             if observed > 0.0:
                 deviance += observed * math.log(observed / expected)
     mean = first / count
-    result[7] = math.sqrt(max(second / count - mean * mean, 0.0))
-    result[8] = pearson
-    result[9] = 2.0 * deviance
+    results[7, k] = math.sqrt(max(second / count - mean * mean, 0.0))
+    results[8, k] = pearson
+    results[9, k] = 2.0 * deviance

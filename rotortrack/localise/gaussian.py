@@ -54,6 +54,35 @@ def profile(position: float, sigma: float, values: NDArray[np.float64]) -> None:
 
 
 @kernel
+def bend(position: float, sigma: float, values: NDArray[np.float64]) -> None:
+    """Fill the second derivatives of one axis of the profile.
+
+    The Gaussian obeys the heat equation, so its second derivative by position is the first by
+    sigma, divided by sigma: :func:`profile` has it.
+
+    Parameters
+    ----------
+    position, sigma
+        Centre (pixels from the middle pixel's centre) and width in pixels.
+    values
+        (2, n) receives the derivatives by position and sigma, and twice by sigma.
+    """
+    count = values.shape[1]
+    mixed_below = bend_below = 0.0
+    for k in range(count + 1):
+        scaled = (k - 0.5 * count - position) / sigma
+        square = scaled * scaled
+        density = math.exp(-0.5 * square) * _INVERSE_SQRT_2PI / (sigma * sigma)
+        mixed = density * (1.0 - square)
+        twice = density * scaled * (2.0 - square)
+        if k > 0:
+            values[0, k - 1] = mixed - mixed_below
+            values[1, k - 1] = twice - bend_below
+        mixed_below = mixed
+        bend_below = twice
+
+
+@kernel
 def pixel_gradient(
     along_x: NDArray[np.float64],
     along_y: NDArray[np.float64],

@@ -54,13 +54,20 @@ def _objective(
 
 
 @kernel
-def _bounds(reach: float, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
+def _bounds(
+    reach: float,
+    fixed_sigma: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+) -> None:
     lower[X] = lower[Y] = -reach
     upper[X] = upper[Y] = reach
     lower[PHOTONS] = lower[BACKGROUND] = 0.0
     upper[PHOTONS] = upper[BACKGROUND] = np.inf
     lower[SIGMA] = SIGMA_BOUNDS_PX[0]
     upper[SIGMA] = SIGMA_BOUNDS_PX[1]
+    if fixed_sigma > 0.0:
+        lower[SIGMA] = upper[SIGMA] = fixed_sigma
 
 
 @kernel
@@ -70,6 +77,7 @@ def optimise(
     weights: NDArray[np.float64],
     keep: NDArray[np.float64],
     parameters: NDArray[np.float64],
+    free_sigma: bool,
 ) -> int:
     """Fit one window.
 
@@ -86,6 +94,8 @@ def optimise(
     parameters
         (5,) start, overwritten by the optimum: x, y (pixels from the window's middle), photons,
         background, sigma (pixels).
+    free_sigma
+        False keeps sigma where it starts.
 
     Returns
     -------
@@ -104,7 +114,7 @@ def optimise(
     upper = np.empty(PARAMETERS)
     step = np.empty(PARAMETERS)
     # One pixel of room beyond the window lets a fit pass through before it is judged.
-    _bounds(0.5 * n + 0.5, lower, upper)
+    _bounds(0.5 * n + 0.5, 0.0 if free_sigma else parameters[SIGMA], lower, upper)
 
     for a in range(PARAMETERS):
         trial[a] = parameters[a]

@@ -15,12 +15,25 @@ class LocaliseOptions(Options):
     wavelet_order: int = option(3, "order q of the B-spline", ge=1, le=10)
     wavelet_scale: float = option(2.0, "scale l of the B-spline, pixels", gt=0, le=10)
     threshold: float | str = option(
-        "std(Wave.F1)", "photons of a candidate in the filtered plane: a number or a formula"
+        "4.5*noise(Wave.F)",
+        "photons of a candidate in the filtered plane: a number or a formula",
     )
     connectivity: Literal[4, 8] = option(8, "neighbours of a local maximum")
     fit_radius_px: int = option(3, "the fit window reaches this far from its centre", ge=2, le=15)
+    clip_at_border: bool = option(
+        True, "fit spots at the frame's border by the part of the window inside, or leave them out"
+    )
     initial_sigma_px: float = option(1.6, "width at which fits start, pixels", gt=0.2, le=10)
-    method: Literal["lsq", "wlsq", "mle"] = option("mle", "what the fit minimises")
+    fit_sigma: bool = option(True, "fit the width, or keep initial_sigma_px")
+    method: Literal["mle", "wlsq", "lsq", "phasor", "radial-symmetry", "centroid"] = option(
+        "mle", "what a fit minimises, or a quick estimate without a fit"
+    )
+    correct_bias: bool = option(
+        True, "subtract the bias that likelihood fits have at few photons"
+    )
+    max_emitters: Literal[1, 2, 3] = option(
+        2, "most spots fitted together where one alone does not explain a window"
+    )
     uncertainty: Literal["bound", "thunderstorm-2014", "thunderstorm-2016"] = option(
         "bound", "uncertainty_nm from the fit's own bound or from the plugin's formulas"
     )

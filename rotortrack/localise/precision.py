@@ -21,6 +21,9 @@ from rotortrack.localise.gaussian import (
 from rotortrack.localise.likelihood import SMALLEST_EXPECTATION
 from rotortrack.localise.linear import invert
 
+_FIXED = 1e60
+"""On the diagonal of a matrix this keeps a parameter where it is."""
+
 
 @kernel
 def covariance(
@@ -29,6 +32,8 @@ def covariance(
     keep: NDArray[np.float64],
     weights: NDArray[np.float64],
     weighted: bool,
+    free_background: bool,
+    free_sigma: bool,
     result: NDArray[np.float64],
 ) -> bool:
     """Covariance of the fitted parameters under Poisson and read noise.
@@ -46,6 +51,8 @@ def covariance(
         (n, n) read variance, 1 or 0 for pixels that count, weights of the squares.
     weighted
         True for squares, False for the likelihood.
+    free_background, free_sigma
+        False for a parameter that was not fitted; its covariances are 0.
     result
         (5, 5) receives the covariance.
 
@@ -76,6 +83,10 @@ def covariance(
                     product = weight * slope[a] * slope[b]
                     bread[a, b] += product
                     filling[a, b] += product * weight * total
+    if not free_background:
+        bread[BACKGROUND, BACKGROUND] = _FIXED
+    if not free_sigma:
+        bread[SIGMA, SIGMA] = _FIXED
     if not weighted:
         return invert(bread, result)
     inverse = np.empty((PARAMETERS, PARAMETERS))

@@ -10,19 +10,20 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from llvmlite import ir
-from numba import extending
 from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
-
-# numba types it as what it is in Python, not as what kernels call.
-intrinsic: Any = extending.intrinsic
+from numba.extending import intrinsic, lower_builtin, models, register_model
+from numpy.typing import NDArray
 
 LANES: Final = 16
+
+
+Vector = Any
+Mask = Any
 
 
 class _Vector(types.Type):  # type: ignore[misc]

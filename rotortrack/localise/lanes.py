@@ -1,0 +1,343 @@
+"""Fits of many windows at once: sixteen spots in the lanes of vectors, float32."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rotortrack.flags import FitFlag
+from rotortrack.kernels import kernel
+from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_chosen
+from rotortrack.localise.lane_math import (
+    ENTRIES,
+    FIXED,
+    PROFILE_ROWS,
+    SMALLEST_EXPECTATION,
+    Scratch,
+    factor,
+    information,
+    products,
+    profile,
+    score,
+    solve,
+)
+from rotortrack.localise.lane_results import finish
+from rotortrack.localise.least_squares import SMALLEST_VALUE_OF_LARGEST
+from rotortrack.localise.templates import template
+from rotortrack.localise.vectors import (
+    LANES,
+    Vector,
+    all_lanes,
+    bits,
+    larger,
+    load,
+    select,
+    smaller,
+    store,
+)
+from rotortrack.localise.windows import Windows
+
+MAX_ITERATIONS: Final = 12
+SETTLED_STEP: Final = 0.03
+"""A lane has settled with a Newton step this short, in standard deviations (all parameters as one
+length). Newton's steps shrink by squares: what is left is below 1e-3 standard deviations."""
+
+_NEWTON_BELOW = 10.0
+"""Squared length of a step, in standard deviations, after which Newton's matrix is used."""
+
+_LEAST_PIVOT = 1e-4
+_SIGMA_BOUNDS_PX = (0.35, 20.0)
+_LEAST_PHOTONS = 1e-3
+
+_LSQ, _WLSQ, _MLE = METHODS["lsq"], METHODS["wlsq"], METHODS["mle"]
+_AT_BOUND = int(FitFlag.AT_BOUND)
+
+
+def fit_windows(
+    windows: Windows,
+    radius: int,
+    *,
+    method: Literal["lsq", "wlsq", "mle"],
+    sigma_px: float,
+    free_sigma: bool = True,
+    correct_bias: bool = True,
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """..."""
+    n = len(windows.flags)
+    batches = len(windows.photons)
+    results = np.full((len(RESULT_COLUMNS), batches * LANES), np.nan)
+    flags = np.zeros(batches * LANES, np.int32)
+    unsettled = np.zeros(batches * LANES, np.bool_)
+    start = template(radius, sigma_px, free_sigma)
+    correct = correct_bias and method == "mle"
+    _fit(
+        windows.photons.reshape(-1),
+        windows.variance.reshape(-1),
+        2 * radius + 1,
+        METHODS[method],
+        free_sigma,
+        correct,
+        start.filters,
+        start.curves,
+        start.range[0],
+        start.range[1],
+        results.reshape(-1),
+        flags,
+        unsettled,
+    )
+    results = results[:, :n]
+    chosen = np.flatnonzero(unsettled[:n])
+    flags = flags[:n]
+    flags[chosen] = 0
+    flags |= windows.flags
+    if len(chosen):
+        fit_chosen(
+            windows,
+            chosen,
+            method=method,
+            sigma_px=sigma_px,
+            free_sigma=free_sigma,
+            correct_bias=correct_bias,
+            results=results,
+            flags=flags,
+        )
+    return results, flags
+
+
+@kernel
+def _scratch(count: int) -> Scratch:
+    """Make room for `count` vectors, none of which straddles two cache lines."""
+    raw = np.empty((count + 1) * LANES, np.float32)
+    skip = (-raw.ctypes.data % (4 * LANES)) // 4
+    return raw[skip : skip + count * LANES]
+
+
+@kernel
+def _fit(
+    photons: Scratch,
+    variance: Scratch,
+    size: int,
+    method: int,
+    free_sigma: bool,
+    correct_bias: bool,
+    filters: NDArray[np.float32],
+    curves: NDArray[np.float32],
+    least_ratio: float,
+    largest_ratio: float,
+    results: NDArray[np.float64],
+    flags: NDArray[np.int32],
+    unsettled: NDArray[np.bool_],
+) -> None:
+    pixels = size * size
+    batches = flags.shape[0] // LANES
+    data = _scratch(pixels)
+    noise = _scratch(pixels)
+    weights = _scratch(pixels)
+    along_x = _scratch(PROFILE_ROWS * size)
+    along_y = _scratch(PROFILE_ROWS * size)
+    system = _scratch(ENTRIES + 5)
+    step = system[ENTRIES * LANES :]
+    state = _scratch(5)
+    inverse = _scratch(25)
+    share = 1.0 if method == _MLE else 0.0
+    fixed = 0.0 if free_sigma else FIXED
+    moving = 1.0 if free_sigma else 0.0
+    for batch in range(batches):
+        raw = photons[batch * pixels * LANES : (batch + 1) * pixels * LANES]
+        spread = variance[batch * pixels * LANES : (batch + 1) * pixels * LANES]
+        count = _prepare(raw, spread, pixels, method, data, noise)
+        _start(raw, spread, pixels, count, filters, curves, least_ratio, largest_ratio, state)
+        x = load(state, 0)
+        y = load(state, 1)
+        light = load(state, 2)
+        ground = load(state, 3)
+        sigma = load(state, 4)
+        usable = count > 5.0
+        active = usable
+        newton = all_lanes(1.0)
+        held = count < 0.0
+        for _ in range(MAX_ITERATIONS):
+            if bits(active) == 0:
+                break
+            scale = 1.0 / sigma
+            profile(x, scale, size, along_x)
+            profile(y, scale, size, along_y)
+            products(along_x, size)
+            products(along_y, size)
+            score(
+                data,
+                noise,
+                share,
+                newton,
+                size,
+                light,
+                ground,
+                scale,
+                along_x,
+                along_y,
+                weights,
+                system,
+            )
+            information(weights, size, along_x, along_y, system)
+            pinned = (ground <= 0.0) & ((load(step, 3) <= 0.0) | held)
+            store(system, 9, load(system, 9) + select(pinned, FIXED, 0.0))
+            store(step, 3, select(pinned, 0.0, load(step, 3)))
+            store(system, 14, load(system, 14) + fixed)
+            store(step, 4, load(step, 4) * moving)
+            g_0 = load(step, 0)
+            g_1 = load(step, 1)
+            g_2 = load(step, 2)
+            g_3 = load(step, 3)
+            g_4 = load(step, 4)
+            sound = factor(system) > _LEAST_PIVOT
+            solve(system, step)
+            length = g_0 * load(step, 0) + g_1 * load(step, 1) + g_2 * load(step, 2)
+            length = length + g_3 * load(step, 3) + g_4 * load(step, 4)
+            sound = sound & (length >= 0.0)
+            # A step beyond the bound of the background ends on it; there, one that leads out is
+            # taken back, and the next one leaves the background where it is.
+            fall = select(pinned, 0.0, -load(step, 3))
+            part = select(fall > ground, ground / fall, 1.0)
+            blocked = (fall > 0.0) & (ground <= 0.0)
+            moved = active & sound & ~blocked
+            per_photon = part / light
+            dx = smaller(larger(load(step, 0) * per_photon, -0.7), 0.7)
+            dy = smaller(larger(load(step, 1) * per_photon, -0.7), 0.7)
+            x = select(moved, x + dx, x)
+            y = select(moved, y + dy, y)
+            wider = sigma + load(step, 4) * per_photon
+            brighter = light + load(step, 2) * part
+            sigma = select(moved, smaller(larger(wider, sigma * 0.6), sigma * 1.6), sigma)
+            light = select(moved, smaller(larger(brighter, light * 0.3), light * 3.0), light)
+            ground = select(moved, larger(ground - fall, 0.0), ground)
+            ended = moved & (part >= 1.0) & ~held
+            held = blocked & sound
+            limit = select(newton > 0.0, SETTLED_STEP**2, 0.01 * SETTLED_STEP**2)
+            # Where Newton's matrix was of no use, Fisher's is tried.
+            newton = select(sound & (length < _NEWTON_BELOW), 1.0, 0.0)
+            active = active & ~(ended & (length < limit))
+        settled = usable & ~active
+        settled = settled & (abs(x) <= 0.5 * size - 0.5) & (abs(y) <= 0.5 * size - 0.5)
+        settled = settled & (sigma > _SIGMA_BOUNDS_PX[0]) & (sigma < _SIGMA_BOUNDS_PX[1])
+        settled = settled & (light > _LEAST_PHOTONS)
+        at_bound = ground <= 0.0
+        store(state, 0, x)
+        store(state, 1, y)
+        store(state, 2, light)
+        store(state, 3, ground)
+        store(state, 4, sigma)
+        worst = finish(
+            raw,
+            spread,
+            noise,
+            method == _MLE,
+            correct_bias,
+            fixed,
+            size,
+            at_bound,
+            state,
+            along_x,
+            along_y,
+            weights,
+            system,
+            inverse,
+            results,
+            batch,
+            batches,
+        )
+        settled = settled & (worst > _LEAST_PIVOT)
+        for a in range(5):
+            store(results, a * batches + batch, load(state, a))
+        left = bits(settled)
+        bound = bits(at_bound)
+        for lane in range(LANES):
+            unsettled[batch * LANES + lane] = (left >> lane) & 1 == 0
+            flags[batch * LANES + lane] = _AT_BOUND * ((bound >> lane) & 1)
+
+
+@kernel
+def _prepare(
+    raw: Scratch, spread: Scratch, pixels: int, method: int, data: Scratch, noise: Scratch
+) -> Vector:
+    """Fill data and noise such that weights are 1 / (share mu + noise); count usable pixels."""
+    count = all_lanes(0.0)
+    if method == _MLE:
+        for p in range(pixels):
+            v = load(spread, p)
+            count += select(v < np.inf, 1.0, 0.0)
+            store(data, p, larger(load(raw, p), -v))
+            store(noise, p, larger(v, SMALLEST_EXPECTATION))
+        return count
+    largest = all_lanes(0.0)
+    level = all_lanes(0.0)
+    for p in range(pixels):
+        v = load(spread, p)
+        d = load(raw, p)
+        good = v < np.inf
+        count += select(good, 1.0, 0.0)
+        largest = larger(select(good, d, 0.0), largest)
+        level += select(good, larger(d, 0.0) + v, 0.0)
+        store(data, p, d)
+    floor = largest * SMALLEST_VALUE_OF_LARGEST
+    # A constant does not move the optimum; this one makes steps count in standard deviations.
+    level = larger(level / count, 1e-3)
+    for p in range(pixels):
+        good = load(spread, p) < np.inf
+        if method == _WLSQ:
+            c = select(floor > 0.0, larger(load(raw, p), floor), np.inf)
+        else:
+            c = level
+        store(noise, p, select(good, c, np.inf))
+    return count
+
+
+@kernel
+def _start(
+    raw: Scratch,
+    spread: Scratch,
+    pixels: int,
+    count: Vector,
+    filters: NDArray[np.float32],
+    curves: NDArray[np.float32],
+    least_ratio: float,
+    largest_ratio: float,
+    state: Scratch,
+) -> None:
+    """Apply the template; a pixel that does not count is taken from opposite the middle."""
+    zero = all_lanes(0.0)
+    t_x = t_y = t_n = t_b = t_s = zero
+    whole = bits(count == float(pixels)) == (1 << LANES) - 1
+    mean = zero
+    if not whole:
+        for p in range(pixels):
+            mean += load(raw, p)
+        mean = mean / count
+    for p in range(pixels):
+        d = load(raw, p)
+        if not whole:
+            opposite = pixels - 1 - p
+            other = select(load(spread, opposite) < np.inf, load(raw, opposite), mean)
+            d = select(load(spread, p) < np.inf, d, other)
+        t_x += d * filters[0, p]
+        t_y += d * filters[1, p]
+        t_n += d * filters[2, p]
+        t_b += d * filters[3, p]
+        t_s += d * filters[4, p]
+    t_n = larger(t_n, 1.0)
+    ratio = smaller(larger(t_s / t_n, least_ratio), largest_ratio)
+    z = ratio / (abs(ratio) + 1.0)
+    sigma = per_photon = per_shift = lift = zero
+    for k in range(curves.shape[1]):
+        power = curves.shape[1] - 1 - k
+        sigma = sigma * z + curves[0, power]
+        per_photon = per_photon * z + curves[1, power]
+        per_shift = per_shift * z + curves[2, power]
+        lift = lift * z + curves[3, power]
+    light = larger(t_n * per_photon, 1.0)
+    store(state, 0, smaller(larger(t_x * per_shift / light, -1.0), 1.0))
+    store(state, 1, smaller(larger(t_y * per_shift / light, -1.0), 1.0))
+    store(state, 2, light)
+    store(state, 3, larger(t_b - lift * t_n, 0.0))
+    store(state, 4, sigma)
