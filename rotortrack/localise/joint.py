@@ -26,10 +26,10 @@ from rotortrack.localise.neighbours import MOST_NEIGHBOURS, drop_repeated, list_
 from rotortrack.localise.overlap import SUSPICIOUS_MISFIT, disentangle
 from rotortrack.localise.windows import LANES, CameraArrays, cut_windows
 
-NEIGHBOURS_BEYOND_PX: Final = 3
-"""Candidates this far beyond the window still lend it light."""
+NEIGHBOURS_BEYOND_PX: Final = 3.5
+"""Candidates this far beyond the window's reach still lend it light."""
 
-SMALLEST_OWN_SIGNIFICANCE: Final = 2.0
+SMALLEST_OWN_SIGNIFICANCE: Final = 3.0
 """A candidate whose light its neighbours explain, up to this many deviations, is their flank."""
 
 _FAILED = int(FIT_FAILED)
@@ -106,7 +106,9 @@ def resolve(
     n = len(candidates)
     moments = deviance_moments()
     near = np.full((n, MOST_NEIGHBOURS), -1, np.int32)
-    list_neighbours(candidates, radius + NEIGHBOURS_BEYOND_PX, near)
+    reach = radius + NEIGHBOURS_BEYOND_PX
+    # An emitter between two windows may be nearer to a candidate twice as far.
+    list_neighbours(candidates, int(2 * reach), near)
     suspected = np.zeros(n, np.bool_)
     _suspect(
         results,
@@ -117,7 +119,8 @@ def resolve(
         moments,
         suspected,
     )
-    has_neighbours = (near[:, 0] >= 0) & (flags & _UNUSABLE == 0)
+    to_nearest = np.hypot(*(candidates[near[:, 0], 1:] - candidates[:, 1:]).T)
+    has_neighbours = (near[:, 0] >= 0) & (to_nearest <= reach) & (flags & _UNUSABLE == 0)
     emitters = np.zeros((n, MOST_EMITTERS, len(RESULT_COLUMNS)))
     found = np.zeros(n, np.int32)
     ends = np.zeros(n, np.int32)
@@ -230,8 +233,12 @@ def _resolve(
         for other in near[k]:
             if other < 0 or known == most:
                 break
-            starts[known, 0] = candidates[other, 2] - candidates[k, 2]
-            starts[known, 1] = candidates[other, 1] - candidates[k, 1]
+            columns = candidates[other, 2] - candidates[k, 2]
+            rows = candidates[other, 1] - candidates[k, 1]
+            if rows * rows + columns * columns > (radius + NEIGHBOURS_BEYOND_PX) ** 2:
+                break
+            starts[known, 0] = columns
+            starts[known, 1] = rows
             starts[known, 2] = light
             if not flags[other] & _FAILED:
                 starts[known, 2] = results[2, other]

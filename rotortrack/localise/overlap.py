@@ -22,7 +22,7 @@ SUSPICIOUS_MISFIT: Final = 1.28
 """Standard deviations of the deviance above its expectation; one good spot in ten exceeds it."""
 
 SMALLEST_SCORE: Final = 10.0
-"""Score of the scan from which one more emitter is tried, times any misfit over its expectation."""
+"""Score of the scan from which one more emitter is tried."""
 
 SMALLEST_GAIN: Final = 20.0
 """Deviance that an emitter must gain, times the misfit that stays over its expectation.
@@ -124,7 +124,7 @@ def disentangle(
     while True:
         if stage != _LOOK:
             tried = count + 1 if stage == _ADD else count
-            _bounds(tried, 0.5 * n + 0.5, sigma_px, lower, upper)
+            _bounds(tried, 0.5 * n + 1.0, sigma_px, lower, upper)
             end, trial_cost = fit_emitters(
                 data,
                 variance,
@@ -185,8 +185,6 @@ def disentangle(
         if score < SMALLEST_SCORE:
             return count
         expectation, spread = _expected_deviance(expected, variance, size - fixed, moments)
-        if score < SMALLEST_SCORE * cost / expectation:
-            return count
         if known > 1 and misfit_score(cost, expectation, spread) < SUSPICIOUS_MISFIT:
             return count
         if stage == _LOOK:
@@ -256,25 +254,56 @@ def _expected_deviance(
 def _weakest_neighbour(
     parameters: NDArray[np.float64], covariance: NDArray[np.float64], count: int, end: int
 ) -> int:
-    """Find the neighbour that must leave a fit; 0 when all may stay."""
+    """Find the neighbour that must leave a fit; 0 when all may stay.
+
+    A noisy top of one spot can be two candidates, so a neighbour within a spot's reach must be as
+    significant as an emitter that nobody saw.
+    """
     weakest = 0
-    least = SMALLEST_SIGNIFICANCE
-    apart = SMALLEST_SEPARATION * parameters[3 * count + 1]
+    least = np.inf
+    sigma = parameters[3 * count + 1]
     for e in range(1, count):
-        a = 3 * e
-        ratio = 0.0
+        a = 3 * e + 2
+        significance = 0.0
         if end == 0:
-            ratio = parameters[a + 2] / math.sqrt(covariance[a + 2, a + 2])
-            for f in range(e):
-                dx = parameters[a] - parameters[3 * f]
-                dy = parameters[a + 1] - parameters[3 * f + 1]
-                if dx * dx + dy * dy < apart * apart:
-                    ratio = 0.0
+            significance = parameters[a] / math.sqrt(covariance[a, a])
+            for f in range(count):
+                if f == e:
+                    continue
+                distance, spread = _distance(parameters, covariance, e, f)
+                if distance < SMALLEST_SEPARATION * sigma:
+                    significance = 0.0
+                elif distance < 2.0 * sigma:
+                    significance *= SMALLEST_SIGNIFICANCE / math.sqrt(SMALLEST_GAIN)
+                if distance < SMALLEST_SIGNIFICANCE * spread:
+                    significance = 0.0
         # Of those at 0 the last, which is the farthest, goes first.
-        if ratio < least or ratio == 0.0:
+        if significance < SMALLEST_SIGNIFICANCE and significance <= least:
             weakest = e
-            least = ratio
+            least = significance
     return weakest
+
+
+@kernel
+def _distance(
+    parameters: NDArray[np.float64], covariance: NDArray[np.float64], e: int, f: int
+) -> tuple[float, float]:
+    """Give the distance between two emitters and its standard deviation (pixels)."""
+    x = 3 * e
+    y = x + 1
+    u = 3 * f
+    v = u + 1
+    dx = parameters[x] - parameters[u]
+    dy = parameters[y] - parameters[v]
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return 0.0, np.inf
+    xx = covariance[x, x] + covariance[u, u] - 2.0 * covariance[x, u]
+    yy = covariance[y, y] + covariance[v, v] - 2.0 * covariance[y, v]
+    xy = covariance[x, y] + covariance[u, v] - covariance[x, v] - covariance[u, y]
+    # By the gradient of the distance, (dx, dy) / distance.
+    variance = (dx * dx * xx + dy * dy * yy + 2.0 * dx * dy * xy) / square
+    return math.sqrt(square), math.sqrt(max(variance, 0.0))
 
 
 @kernel
@@ -357,18 +386,7 @@ def _sound(
         if max(abs(parameters[x]), abs(parameters[y])) > reach:
             return False
         for f in range(e):
-            u = 3 * f
-            v = u + 1
-            dx = parameters[x] - parameters[u]
-            dy = parameters[y] - parameters[v]
-            square = dx * dx + dy * dy
-            if square < apart * apart:
-                return False
-            # Variance of the distance, by its gradient (dx, dy) / distance.
-            xx = covariance[x, x] + covariance[u, u] - 2.0 * covariance[x, u]
-            yy = covariance[y, y] + covariance[v, v] - 2.0 * covariance[y, v]
-            xy = covariance[x, y] + covariance[u, v] - covariance[x, v] - covariance[u, y]
-            spread = (dx * dx * xx + dy * dy * yy + 2.0 * dx * dy * xy) / square
-            if square < limit * spread:
+            distance, spread = _distance(parameters, covariance, e, f)
+            if distance < apart or distance < spread * math.sqrt(limit):
                 return False
     return True
