@@ -2,7 +2,7 @@
 
     python tests/benchmarks/engine.py peers  --scratch DIR   # once: install the other programs
     python tests/benchmarks/engine.py bars   --scratch DIR   # every bar, with verdict and ratios
-    python tests/benchmarks/engine.py sweep  --scratch DIR   # the defaults over what spots can be
+    python tests/benchmarks/engine.py sweep                  # the defaults over what spots can be
     python tests/benchmarks/engine.py readme                 # the README's table from the results
 
 DIR holds films, tables and the other programs' environment (about 1 GB, and the long movie while it
@@ -217,15 +217,16 @@ def main() -> None:
         stored = json.loads((RESULTS / "engine.json").read_text(encoding="utf-8"))
         report.write_readme(HERE.parents[1] / "README.md", stored)
         return
+    if arguments.what == "sweep":
+        subprocess.run([sys.executable, HERE / "sweep.py"], check=True)
+        return
     if arguments.scratch is None:
         parser.error("--scratch is needed: a folder for films, tables and environment")
     arguments.scratch.mkdir(parents=True, exist_ok=True)
     if arguments.what == "peers":
         install_peers(arguments.scratch)
-    elif arguments.what == "bars":
-        bars(arguments)
     else:
-        subprocess.run([sys.executable, HERE / "sweep.py", arguments.scratch], check=True)
+        bars(arguments)
 
 
 if __name__ == "__main__":

@@ -225,8 +225,13 @@ def _cells(cells: list[str]) -> str:
 
 
 def measured_tools(results: Mapping[str, Any]) -> list[str]:
-    """List the tools that some film was given to."""
-    return [tool for tool in TOOLS if tool in results.get("rates", {}).get("bright", {})]
+    """List the tools that something was measured of."""
+    parts = (
+        results.get("rates", {}).get("bright"),
+        results.get("processes"),
+        results.get("memory"),
+    )
+    return [tool for tool in TOOLS if any(tool in part for part in parts if part)]
 
 
 def readme_table(results: Mapping[str, Any]) -> str:
