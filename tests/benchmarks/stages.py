@@ -33,9 +33,13 @@ import tifffile
 from numpy.typing import NDArray
 
 from rotortrack.cameras.camera import Camera
-from rotortrack.localise.engine import _Worker, localise
+from rotortrack.localise.detect import find_candidates
+from rotortrack.localise.engine import localise
 from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_candidates
 from rotortrack.localise.options import LocaliseOptions
+from rotortrack.localise.threshold import parse_threshold
+from rotortrack.localise.wavelet import bspline_taps
+from rotortrack.localise.windows import camera_arrays
 from rotortrack.movies.movie import ArrayMovie
 
 PIXEL_SIZE_NM = 108.3
@@ -49,22 +53,33 @@ def stages(
     counts: NDArray[np.uint16], camera: Camera, options: LocaliseOptions
 ) -> dict[str, tuple[int, Callable[[], Any]]]:
     """Give each rate's number of items and the call that treats them."""
-    worker = _Worker(ArrayMovie(counts), camera, options, PIXEL_SIZE_NM)
+    arrays = camera_arrays(camera, counts.dtype)
+    threshold = parse_threshold(options.threshold)
+    taps = bspline_taps(options.wavelet_order, options.wavelet_scale).astype(np.float32)
+    radius = options.fit_radius_px
+
+    def searched() -> NDArray[np.int32]:
+        return find_candidates(
+            counts,
+            arrays,
+            threshold,
+            taps=taps,
+            connectivity=options.connectivity,
+            border=radius,
+            quantum_e=float(np.mean(camera.gain_e_per_adu)),
+        )
+
+    spots = searched()
     photons = camera.to_photons(counts)
-    variance = np.atleast_2d(np.asarray(camera.variance_e2, np.float32))
-    spots = worker._candidates(photons, None)
     results = np.empty((len(spots), len(RESULT_COLUMNS)))
     flags = np.zeros(len(spots), np.int32)
-
-    def filtered() -> object:
-        return worker._candidates(camera.to_photons(counts), None)
 
     def fitted() -> object:
         return fit_candidates(
             photons,
-            variance,
+            arrays.variance_e2,
             spots,
-            options.fit_radius_px,
+            radius,
             options.initial_sigma_px,
             METHODS[options.method],
             results,
@@ -72,7 +87,7 @@ def stages(
         )
 
     return {
-        "frames_per_s": (len(counts), filtered),
+        "frames_per_s": (len(counts), searched),
         # One kernel cuts and fits.
         "fits_per_s": (len(spots), fitted),
         "windows_per_s": (len(spots), fitted),
