@@ -52,7 +52,7 @@ def install_peers(scratch: Path) -> None:
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", scratch / "peers"], check=True)
     for package in (*dict.fromkeys(NEEDS.values()), "numba"):
-        words = [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", package]
+        words = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", package]
         if subprocess.run(words).returncode:
             print(f"{package} could not be installed: it will be left out")
     print(json.dumps(answer([python, HERE / "peers.py", "versions"])))

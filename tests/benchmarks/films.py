@@ -18,6 +18,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,9 @@ def sweep_recipes(frames: int = 200) -> Iterator[Recipe]:
 
     Photons cross backgrounds; density and width vary about the middle and for dim spots.
     """
-    cases = [{"photons": p, "background": b} for b in BACKGROUNDS for p in PHOTONS]
+    cases: list[dict[str, Any]] = [
+        {"photons": p, "background": b} for b in BACKGROUNDS for p in PHOTONS
+    ]
     for photons in (250.0, 800.0):
         cases += [{"photons": photons, "emitters": density} for density in DENSITIES]
         cases += [{"photons": photons, "sigma_px": sigma} for sigma in SIGMAS_PX]

@@ -242,7 +242,8 @@ def stages(tool: str, folder: Path, name: str, found: Path) -> dict[str, float]:
         counts = counts[:TRACKPY_FRAMES]
     TOOLS[tool](counts[:20], name, folder)
     columns, rates = TOOLS[tool](counts, name, folder)
-    np.savez(found, **{key: np.asarray(v) for key, v in columns.items()}, frames=len(counts))
+    arrays: dict[str, Any] = {key: np.asarray(value) for key, value in columns.items()}
+    np.savez(found, frames=len(counts), **arrays)
     return rates
 
 
@@ -264,6 +265,6 @@ if __name__ == "__main__":
     if words[0] == "versions":
         print(json.dumps(versions()))
     elif words[0] == "stages":
-        print(json.dumps(stages(words[1], *map(Path, words[2:3]), words[3], Path(words[4]))))
+        print(json.dumps(stages(words[1], Path(words[2]), words[3], Path(words[4]))))
     else:
         whole_trackpy(Path(words[2]), words[3], Path(words[4]))

@@ -103,7 +103,8 @@ def isolated(truth: Mapping[str, Any]) -> NDArray[np.bool_]:
     tree = cKDTree(np.column_stack([x, y, 10.0 * ISOLATION_PX * truth["frame"]]))
     lonely[tree.query_pairs(ISOLATION_PX, output_type="ndarray").ravel()] = False
     nearest_edge = np.minimum.reduce([x, y, SIZE_PX - x, SIZE_PX - y])
-    return lonely & (nearest_edge >= EDGE_PX)
+    inside: NDArray[np.bool_] = nearest_edge >= EDGE_PX
+    return lonely & inside
 
 
 def bound(truth: Mapping[str, Any], which: NDArray[Any]) -> Array:
