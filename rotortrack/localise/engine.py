@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from rotortrack.cameras.camera import Camera
 from rotortrack.errors import ConfigurationError, MovieError
 from rotortrack.flags import FitFlag
 from rotortrack.localise.detect import find_candidates
-from rotortrack.localise.fit import RESULT_COLUMNS
+from rotortrack.localise.fit import RESULT_COLUMNS, FitMethod
 from rotortrack.localise.joint import resolve
 from rotortrack.localise.lanes import fit_windows
 from rotortrack.localise.options import LocaliseOptions
@@ -293,7 +293,7 @@ class _Worker:
         return fit_windows(
             windows,
             radius,
-            method=options.method,
+            method=cast(FitMethod, options.method),
             sigma_px=sigma_px,
             free_sigma=options.fit_sigma,
             correct_bias=options.correct_bias,
@@ -333,7 +333,7 @@ class _Worker:
         else:
             uncertainty = thunderstorm_uncertainty(
                 "2014" if self._options.uncertainty == "thunderstorm-2014" else "2016",
-                self._options.method,
+                cast(FitMethod, self._options.method),
                 sigma_nm=fitted["sigma_px"] * size,
                 photons=fitted["photons"],
                 background_sd=fitted["background_sd"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from rotortrack.localise.precision import covariance
 from rotortrack.localise.windows import LANES, Windows
 
 _LSQ, _WLSQ, _MLE = range(3)
+FitMethod = Literal["lsq", "wlsq", "mle"]
 METHODS: Final = {"lsq": _LSQ, "wlsq": _WLSQ, "mle": _MLE}
 
 RESULT_COLUMNS: Final = (

@@ -28,11 +28,9 @@ class LocaliseOptions(Options):
     method: Literal["mle", "wlsq", "lsq", "phasor", "radial-symmetry", "centroid"] = option(
         "mle", "what a fit minimises, or a quick estimate without a fit"
     )
-    correct_bias: bool = option(
-        True, "subtract the bias that likelihood fits have at few photons"
-    )
+    correct_bias: bool = option(True, "subtract the bias that likelihood fits have at few photons")
     max_emitters: Literal[1, 2, 3] = option(
-        2, "most spots fitted together where one alone does not explain a window"
+        3, "most overlapping spots fitted together; 1 fits each alone"
     )
     uncertainty: Literal["bound", "thunderstorm-2014", "thunderstorm-2016"] = option(
         "bound", "uncertainty_nm from the fit's own bound or from the plugin's formulas"

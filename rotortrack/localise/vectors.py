@@ -10,28 +10,30 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from llvmlite import ir
+from numba import extending
 from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
-from numpy.typing import NDArray
+from numba.extending import lower_builtin, models, register_model
+
+# numba types it as what it is in Python, not as what kernels call.
+intrinsic: Any = extending.intrinsic
 
 LANES: Final = 16
-
 
 Vector = Any
 Mask = Any
 
 
-class _Vector(types.Type):  # type: ignore[misc]
+class _Vector(types.Type):
     def __init__(self) -> None:
         super().__init__(name="lanes")
 
 
-class _Mask(types.Type):  # type: ignore[misc]
+class _Mask(types.Type):
     def __init__(self) -> None:
         super().__init__(name="lane_mask")
 
@@ -46,13 +48,13 @@ _FLAGS = ("contract",)
 
 
 @register_model(_Vector)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, FLOATS)
 
 
 @register_model(_Mask)
-class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
+class _MaskModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _BITS)
 
@@ -83,7 +85,7 @@ def _is_operand(kind: Any) -> bool:
 
 def _binary(function: Any, result: Any, code: Callable[[Any, Any, Any], Any]) -> None:
     @infer_global(function)
-    class _Rule(AbstractTemplate):  # type: ignore[misc]
+    class _Rule(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             if (
                 len(args) == 2
@@ -110,19 +112,22 @@ _binary(operator.truediv, VECTOR, lambda b, x, y: b.fdiv(x, y, flags=_FLAGS))
 _binary(operator.iadd, VECTOR, lambda b, x, y: b.fadd(x, y, flags=_FLAGS))
 _binary(operator.isub, VECTOR, lambda b, x, y: b.fsub(x, y, flags=_FLAGS))
 _binary(operator.imul, VECTOR, lambda b, x, y: b.fmul(x, y, flags=_FLAGS))
-for _function, _sign in (
-    (operator.lt, "<"),
-    (operator.le, "<="),
-    (operator.gt, ">"),
-    (operator.ge, ">="),
-    (operator.eq, "=="),
-):
-    _binary(_function, _MASK, lambda b, x, y, sign=_sign: b.fcmp_ordered(sign, x, y))
+
+
+def _comparison(function: Any, sign: str) -> None:
+    _binary(function, _MASK, lambda builder, x, y: builder.fcmp_ordered(sign, x, y))
+
+
+_comparison(operator.lt, "<")
+_comparison(operator.le, "<=")
+_comparison(operator.gt, ">")
+_comparison(operator.ge, ">=")
+_comparison(operator.eq, "==")
 
 
 def _mask_binary(function: Any, name: str) -> None:
     @infer_global(function)
-    class _Rule(AbstractTemplate):  # type: ignore[misc]
+    class _Rule(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             if len(args) == 2 and all(isinstance(a, _Mask) for a in args):
                 return signature(_MASK, *args)
@@ -141,7 +146,7 @@ _mask_binary(operator.ior, "or_")
 
 def _unary(function: Any, kind: Any, code: Callable[[Any, Any], Any]) -> None:
     @infer_global(function)
-    class _Rule(AbstractTemplate):  # type: ignore[misc]
+    class _Rule(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             return (
                 signature(args[0], *args)
@@ -173,6 +178,8 @@ _unary(abs, VECTOR, _math("fabs"))
 
 @intrinsic
 def sqrt(typing: Any, x: Any) -> Any:
+    """Take the square root of each lane."""
+
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _math("sqrt")(builder, args[0])
 
