@@ -361,7 +361,7 @@ def deviance(excess: Vector, squared: Vector, expected: Vector) -> Vector:
     exponent, mantissa = log2_parts(ratio)
     near = exponent == 0.0
     f = select(near, excess, mantissa - 1.0)
-    # (ln(1 + f) - f) / f^2
+    # From here on the series of ln(1 + f) less f, over the square of f.
     rest = f * 0.08722295 - 0.14366814
     rest = rest * f + 0.14952275
     rest = rest * f - 0.16562398

@@ -285,10 +285,7 @@ def _prepare(
     level = larger(level / count, 1e-3)
     for p in range(pixels):
         good = load(spread, p) < np.inf
-        if method == _WLSQ:
-            c = select(floor > 0.0, larger(load(raw, p), floor), np.inf)
-        else:
-            c = level
+        c = select(floor > 0.0, larger(load(raw, p), floor), np.inf) if method == _WLSQ else level
         store(noise, p, select(good, c, np.inf))
     return count
 

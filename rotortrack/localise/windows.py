@@ -106,9 +106,12 @@ def cut_windows(
     # Spare lanes of the last batch.
     windows.photons[n // LANES :] = 0.0
     windows.variance[n // LANES :] = np.inf
+    offset, gain, variance = _alike(camera, counts.shape[1:])
     _cut(
         counts,
-        *_alike(camera, counts.shape[1:]),
+        offset,
+        gain,
+        variance,
         camera.saturation_adu,
         candidates,
         radius,

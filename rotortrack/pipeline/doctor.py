@@ -134,7 +134,7 @@ def examine_kernels() -> Finding:
 
 
 def warm_up(draw: Draw | None = None) -> None:
-    """Compile every kernel by running a tiny simulated film through the whole workflow.
+    """Compile every kernel by running a tiny simulated film through all that there is.
 
     Parameters
     ----------
@@ -150,16 +150,26 @@ def warm_up(draw: Draw | None = None) -> None:
     -----
     Takes about half a minute when nothing is compiled yet.
     """
+    import numpy as np
+
+    from rotortrack.cameras.film_statistics import film_statistics
     from rotortrack.localise.fit import METHODS
+    from rotortrack.localise.quick import QUICK_METHODS
     from rotortrack.pipeline.run import run_movie
     from rotortrack.settings import Layer
 
     with _temporary_folder() as folder, warnings.catch_warnings(record=True):
         options = _write_film(folder / "movie.tif")
-        for method in METHODS:
-            layer = Layer("warm-up", {**options, "localise": {"method": method}})
+        for method in (*METHODS, *QUICK_METHODS):
+            chosen = {"method": method}
+            if method in QUICK_METHODS:
+                # A threshold that needs whole planes has kernels of its own.
+                chosen["threshold"] = "std(Wave.F)"
+            layer = Layer("warm-up", {**options, "localise": chosen})
             run_movie(folder / "movie.tif", [layer], folder / method, draw=draw)
             draw = None
+    for kind in (np.uint16, np.float64):
+        film_statistics([np.arange(1200).reshape(3, 20, 20).astype(kind)])
 
 
 def _libraries() -> list[Finding]:

@@ -19,6 +19,16 @@ PIXEL_SIZE_NM = 108.3
 CAMERA = Camera(offset_adu=100.0, gain_e_per_adu=1 / 2.2, read_noise_e=0.0)
 
 
+PLUGIN = {
+    "threshold": "std(Wave.F1)",
+    "shift_negative_frames": True,
+    "clip_at_border": False,
+    "correct_bias": False,
+    "max_emitters": 1,
+}
+"""Where the plugin's way is not the default."""
+
+
 @pytest.fixture(scope="module")
 def folder(reference_data):
     return reference_data("thunderstorm")
@@ -48,7 +58,7 @@ def differences(folder, method, **options):
         ours = localise_all(
             movie,
             CAMERA,
-            LocaliseOptions(method=method, shift_negative_frames=True, **options),
+            LocaliseOptions(method=method, **PLUGIN, **options),
             pixel_size_nm=PIXEL_SIZE_NM,
         )
     pairs = []
@@ -112,9 +122,7 @@ def test_every_other_column_agrees_too(folder):
         ours = localise_all(
             movie,
             CAMERA,
-            LocaliseOptions(
-                method="wlsq", uncertainty="thunderstorm-2016", shift_negative_frames=True
-            ),
+            LocaliseOptions(method="wlsq", uncertainty="thunderstorm-2016", **PLUGIN),
             pixel_size_nm=PIXEL_SIZE_NM,
         )
     theirs = theirs.sort_values(["frame", "x [nm]", "y [nm]"])
