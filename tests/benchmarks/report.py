@@ -104,6 +104,7 @@ QUANTITIES = (
         (130e3,),
         (310e3,),
     ),
+    Quantity("the same, close spots not taken apart", _rates("alone_per_s"), _rate),
     Quantity(
         "2000 frames from file to table, cold start, s",
         _at("processes", "{}", "wall_s", "best"),

@@ -13,6 +13,8 @@ windows_per_s
     the same with cutting the windows from raw counts
 localisations_per_s
     the whole of `rotortrack.localise.engine.localise`, one worker
+alone_per_s
+    the same with every spot fitted alone, close ones not taken apart
 
 FOUND gets the localisations for score.py. --even takes one offset, gain and noise for all pixels
 where the film has maps. Options of localisation are the defaults. The functions between the two
@@ -21,6 +23,7 @@ rules below are all that must follow the engine when its inside changes.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 import time
@@ -35,11 +38,11 @@ from numpy.typing import NDArray
 from rotortrack.cameras.camera import Camera
 from rotortrack.localise.detect import find_candidates
 from rotortrack.localise.engine import localise
-from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_candidates
+from rotortrack.localise.lanes import fit_windows
 from rotortrack.localise.options import LocaliseOptions
 from rotortrack.localise.threshold import parse_threshold
 from rotortrack.localise.wavelet import bspline_taps
-from rotortrack.localise.windows import camera_arrays
+from rotortrack.localise.windows import Windows, camera_arrays, cut_windows
 from rotortrack.movies.movie import ArrayMovie
 
 PIXEL_SIZE_NM = 108.3
@@ -65,32 +68,31 @@ def stages(
             threshold,
             taps=taps,
             connectivity=options.connectivity,
-            border=radius,
-            quantum_e=float(np.mean(camera.gain_e_per_adu)),
+            border=0 if options.clip_at_border else radius,
+            quantum_e=float(np.median(arrays.gain_e_per_adu)),
+            hidden=camera.hot_pixels,
         )
 
     spots = searched()
-    photons = camera.to_photons(counts)
-    results = np.empty((len(spots), len(RESULT_COLUMNS)))
-    flags = np.zeros(len(spots), np.int32)
+    windows = cut_windows(counts, arrays, spots, radius)
 
-    def fitted() -> object:
-        return fit_candidates(
-            photons,
-            arrays.variance_e2,
-            spots,
+    def fitted(given: Windows = windows) -> object:
+        return fit_windows(
+            given,
             radius,
-            options.initial_sigma_px,
-            METHODS[options.method],
-            results,
-            flags,
+            method="mle",
+            sigma_px=options.initial_sigma_px,
+            free_sigma=options.fit_sigma,
+            correct_bias=options.correct_bias,
         )
+
+    def cut_and_fitted() -> object:
+        return fitted(cut_windows(counts, arrays, spots, radius))
 
     return {
         "frames_per_s": (len(counts), searched),
-        # One kernel cuts and fits.
         "fits_per_s": (len(spots), fitted),
-        "windows_per_s": (len(spots), fitted),
+        "windows_per_s": (len(spots), cut_and_fitted),
     }
 
 
@@ -124,16 +126,21 @@ def measure(folder: Path, name: str, found: Path, *, even: bool) -> dict[str, fl
     counts = tifffile.imread(folder / f"{name}.tif")
     camera = open_camera(folder / f"{name}-camera.npz", even=even)
     options = LocaliseOptions()
+    rates = {}
+    for rate, chosen in (
+        ("alone_per_s", dataclasses.replace(options, max_emitters=1)),
+        ("localisations_per_s", options),
+    ):
 
-    def whole() -> dict[str, NDArray[Any]]:
-        movie = ArrayMovie(counts)
-        blocks = list(localise(movie, camera, options, pixel_size_nm=PIXEL_SIZE_NM, workers=1))
-        return {key: np.concatenate([b.columns[key] for b in blocks]) for key in blocks[0].columns}
+        def whole(chosen: LocaliseOptions = chosen) -> dict[str, NDArray[Any]]:
+            movie = ArrayMovie(counts)
+            blocks = list(localise(movie, camera, chosen, pixel_size_nm=PIXEL_SIZE_NM, workers=1))
+            names = blocks[0].columns
+            return {key: np.concatenate([b.columns[key] for b in blocks]) for key in names}
 
-    spots = whole()
+        spots = whole()
+        rates[rate] = len(spots["frame"]) / best_seconds(whole, passes=5, budget_s=4.0)
     write(found, spots, len(counts))
-    seconds = best_seconds(whole, passes=5, budget_s=5.0)
-    rates = {"localisations_per_s": len(spots["frame"]) / seconds}
     for rate, (items, call) in stages(counts[:STAGE_FRAMES], camera, options).items():
         rates[rate] = items / best_seconds(call, passes=20, budget_s=3.0)
     return rates
