@@ -256,10 +256,12 @@ def readme_table(results: Mapping[str, Any]) -> str:
     notes = [
         f"Measured on {results['date']} on {machine['processor']} ({machine['cores']} cores), all "
         "programs on the same films in the same run, rates by processor time, the best of "
-        f"{results['rounds']} rounds: {programs}.",
-        "Films are synthetic, so their truth is known; our options are the defaults, the others' "
-        "thresholds were set by hand. Processes use one thread, except that Picasso searches with "
-        "several.",
+        f"{results['rounds']} round{'s' if results['rounds'] > 1 else ''}: {programs}.",
+        "Films are synthetic, so their truth is known. Our options are the defaults, and so is "
+        "SMAPpy's threshold; Picasso's and trackpy's were set by hand, knowing the films. Fits are "
+        "timed with maps of the camera where a program takes maps (SMAPpy does not). Processes use "
+        "one thread, except that Picasso searches with several; trackpy's error is that of 300 "
+        "frames.",
     ]
     if memory:
         notes.append(

@@ -29,9 +29,10 @@ def test_readme_shows_the_stored_results(stored):
     assert report.readme_table(stored) in readme.read_text(encoding="utf-8")
 
 
-def test_stored_results_hold_every_quantity_of_ours(stored):
+def test_stored_results_hold_every_quantity_that_has_a_bar(stored):
     for quantity in report.QUANTITIES:
-        assert quantity.read(stored, "rotortrack") is not None, quantity.words
+        if quantity.bar:
+            assert quantity.read(stored, "rotortrack") is not None, quantity.words
 
 
 def test_the_table_names_date_machine_and_versions(stored):
