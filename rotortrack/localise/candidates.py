@@ -13,6 +13,7 @@ from rotortrack.localise.vectors import bits
 from rotortrack.localise.wavelet_rows import (
     FIRST_COLUMN,
     MARGIN,
+    WIDE_REACH,
     aligned,
     fill_row,
     smooth,
@@ -125,7 +126,7 @@ def frame_maxima(
         count_before = count
         f[:] = nothing
         threshold = thresholds[k]
-        for newest in range(-2, height + 2 * MARGIN + MARGIN + 2):
+        for newest in range(-2, height + MARGIN + WIDE_REACH + 3):
             fill_row(
                 counts,
                 start,
@@ -148,7 +149,7 @@ def frame_maxima(
                 smooth(rows, c, stride, scale, inner, centre, v1, to, columns)
             else:
                 v1[to : to + stride] = np.float32(0.0)
-            m = c - MARGIN
+            m = c - WIDE_REACH
             i = m - MARGIN
             if i < 0:
                 continue

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rotortrack.localise.candidates import frame_maxima, local_maxima
 from rotortrack.localise.noise import TILE_COLUMNS, frame_noise, noise_of_filtered, tile_noise
 from rotortrack.localise.threshold import Threshold
-from rotortrack.localise.wavelet import wavelet_planes
+from rotortrack.localise.wavelet import Planes, wavelet_planes
 from rotortrack.localise.windows import CameraArrays
 
 Candidates = NDArray[np.int32]
@@ -135,7 +135,7 @@ def _by_planes(
         if hidden is not None:
             photons[hidden] = np.nan
             photons = _filled(photons[np.newaxis])[0][0]
-        planes = wavelet_planes(photons, taps)
+        planes = _planes(photons, taps)
         values = {"I": photons, "F": planes.f, "F1": planes.f1, "F2": planes.f2}
         if any(name.startswith("noise") for name in threshold.needs):
             noise = tile_noise(planes.f1, photons, quantum_e)
@@ -147,6 +147,14 @@ def _by_planes(
         rows[:, 1:] = maxima
         found.append(rows)
     return np.concatenate(found) if found else np.empty((0, 3), np.int32)
+
+
+def _planes(photons: NDArray[np.float32], taps: NDArray[np.float32]) -> Planes:
+    """Filter a frame that is extended by what the plugin's way would bias at its border."""
+    extra = taps.size // 2
+    inner = (slice(extra, -extra or None),) * 2
+    planes = wavelet_planes(np.pad(photons, extra, mode="edge"), taps)
+    return Planes(*(np.ascontiguousarray(plane[inner]) for plane in planes))
 
 
 def _flat_maps(

@@ -163,7 +163,7 @@ def tile_noise(
         tiles = whole.reshape(rows, TILE_ROWS, columns, TILE_COLUMNS)
         typical = float(np.median(np.mean(tiles**2, axis=(1, 3))))
     else:
-        typical = float(np.var(f1.astype(np.float64)))
+        typical = float(np.var(f1.astype(np.float64), ddof=min(f1.size - 1, 1)))
     largest = float(np.abs(photons).max(initial=0.0))
     floor = max(float(_QUANTISATION) * quantum_e, float(_ROUNDING) * largest)
     return max(math.sqrt(typical), floor)

@@ -15,7 +15,7 @@ class LocaliseOptions(Options):
     wavelet_order: int = option(3, "order q of the B-spline", ge=1, le=10)
     wavelet_scale: float = option(2.0, "scale l of the B-spline, pixels", gt=0, le=10)
     threshold: float | str = option(
-        "4.5*noise(Wave.F)",
+        "5.5*noise(Wave.F)",
         "photons of a candidate in the filtered plane: a number or a formula",
     )
     connectivity: Literal[4, 8] = option(8, "neighbours of a local maximum")

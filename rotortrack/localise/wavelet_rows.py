@@ -2,7 +2,9 @@
 
 Rows are read as photo-electrons into a ring of 8 and smoothed once into rows of V1, of which a
 ring of 16 is smoothed again and subtracted into rows of F: no plane of the frame's size exists.
-Borders are those of :mod:`rotortrack.localise.wavelet`, the plain form of the same filter.
+Frames are extended by their edge values as far as the filter reaches, so that a bright background
+leaves nothing at the border; :mod:`rotortrack.localise.wavelet` extends them less, as the plugin
+does, and differs in the two outermost rows and columns alone.
 """
 
 from __future__ import annotations
@@ -19,7 +21,11 @@ from rotortrack.localise.vectors import all_lanes
 FIRST_COLUMN = 16
 """Place of a frame's first column in a buffered row: what lies before extends the frame."""
 
-MARGIN = 4
+MARGIN = 6
+"""Pixels by which a frame is extended: as far as both convolutions reach together."""
+
+WIDE_REACH = 4
+"""Rows by which the second convolution reaches beyond its centre."""
 _HIDDEN_REACH = 5
 
 
