@@ -36,6 +36,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from rotortrack.cameras.camera import Camera
+from rotortrack.cameras.hot_pixels import hot_pixels_of
 from rotortrack.localise.detect import find_candidates
 from rotortrack.localise.engine import localise
 from rotortrack.localise.lanes import fit_windows
@@ -118,7 +119,8 @@ def open_camera(path: Path, *, even: bool) -> Camera:
     if even:
         return Camera(offset_adu=100.0, gain_e_per_adu=0.45, read_noise_e=1.6)
     with np.load(path) as maps:
-        return Camera(**{name: maps[name] for name in maps.files})
+        values = {name: maps[name] for name in maps.files}
+        return Camera(**values, hot_pixels=hot_pixels_of(values["read_noise_e"]))
 
 
 def measure(folder: Path, name: str, found: Path, *, even: bool) -> dict[str, float]:
