@@ -168,7 +168,7 @@ def _fit_chosen(
                 free_sigma,
                 matrix,
             )
-            if not known:
+            if not known or not (matrix[X, X] > 0.0 and matrix[Y, Y] > 0.0):
                 end |= _SINGULAR
                 break
             if is_last:

@@ -40,6 +40,9 @@ ss below), then the products gg, gd, dd, gs, d*s, s*s."""
 FIXED: Final = 1e30
 """Added to its diagonal element, it keeps a parameter where it is."""
 
+LEAST_PIVOT: Final = 1e-4
+"""A pivot smaller than this part of its diagonal leaves too little of float32: not by lanes."""
+
 SMALLEST_EXPECTATION: Final = 1e-6
 """Expected variance of a pixel is kept above this (electrons^2)."""
 
@@ -361,7 +364,7 @@ def deviance(excess: Vector, squared: Vector, expected: Vector) -> Vector:
     exponent, mantissa = log2_parts(ratio)
     near = exponent == 0.0
     f = select(near, excess, mantissa - 1.0)
-    # From here on the series of ln(1 + f) less f, over the square of f.
+    # What ln(1 + f) has beyond f, over the square of f.
     rest = f * 0.08722295 - 0.14366814
     rest = rest * f + 0.14952275
     rest = rest * f - 0.16562398

@@ -10,6 +10,7 @@ from rotortrack.localise.bias import LONGEST_CORRECTION
 from rotortrack.localise.lane_math import (
     ENTRIES,
     FIXED,
+    LEAST_PIVOT,
     SMALLEST_EXPECTATION,
     Scratch,
     deviance,
@@ -54,7 +55,7 @@ def finish(
     results: NDArray[np.float64],
     batch: int,
     batches: int,
-) -> Vector:
+) -> Mask:
     """Judge a batch at its optimum, correct the bias, and store errors and goodness of fit.
 
     Parameters
@@ -82,8 +83,8 @@ def finish(
 
     Returns
     -------
-    Vector
-        The smallest pivot of the information, see :func:`factor`.
+    Mask
+        Lanes whose errors are known.
     """
     _profiles(state, size, along_x, along_y)
     _judge(raw, spread, size, state, along_x, along_y, weights, results, batch, batches)
@@ -95,7 +96,7 @@ def finish(
         invert(system, inverse)
         _weigh_by_trace(inverse, weights, size, state, along_x, along_y)
         project(weights, size, along_x, along_y, step)
-        _correct(system, step, state)
+        _correct(system, step, at_bound, state)
         _profiles(state, size, along_x, along_y)
         _weigh(spread, size, state, along_x, along_y, weights)
     if not likely:
@@ -114,13 +115,14 @@ def finish(
             batches,
         )
     _inform(weights, size, fixed, along_x, along_y, system)
-    worst = factor(system)
+    known = factor(system) > LEAST_PIVOT
     for a in range(2):
         for b in range(5):
             store(step, b, 1.0 if a == b else 0.0)
         solve(system, step)
+        known = known & (load(step, a) > 0.0) & (load(step, a) < np.inf)
         _store_error(load(step, a), a, state, results, batch, batches)
-    return worst
+    return known
 
 
 @kernel
@@ -173,7 +175,7 @@ def _weigh(
 
 
 @kernel
-def _correct(system: Scratch, step: Scratch, state: Scratch) -> None:
+def _correct(system: Scratch, step: Scratch, at_bound: Mask, state: Scratch) -> None:
     """Solve for minus the bias and add it; long ones are shortened, see :mod:`bias`."""
     r_0 = load(step, 0)
     r_1 = load(step, 1)
@@ -190,7 +192,8 @@ def _correct(system: Scratch, step: Scratch, state: Scratch) -> None:
     store(state, 0, load(state, 0) + load(step, 0) * per_photon)
     store(state, 1, load(state, 1) + load(step, 1) * per_photon)
     store(state, 2, larger(light + load(step, 2) * part, 0.5 * light))
-    store(state, 3, larger(load(state, 3) + load(step, 3) * part, 0.0))
+    ground = larger(load(state, 3) + load(step, 3) * part, 0.0)
+    store(state, 3, select(at_bound, 0.0, ground))
     store(state, 4, larger(sigma + load(step, 4) * per_photon, 0.5 * sigma))
 
 
@@ -208,7 +211,7 @@ def _sandwich(
     results: NDArray[np.float64],
     batch: int,
     batches: int,
-) -> Vector:
+) -> Mask:
     """Store the errors of squares, see :func:`rotortrack.localise.precision.covariance`."""
     for pixel in range(size * size):
         w = 1.0 / load(noise, pixel)
@@ -221,7 +224,7 @@ def _sandwich(
     for pixel in range(size * size):
         store(weights, pixel, 1.0 / load(noise, pixel))
     _inform(weights, size, fixed, along_x, along_y, system)
-    worst = factor(system)
+    known = factor(system) > LEAST_PIVOT
     for a in range(2):
         column = inverse[a * 5 * LANES : (a + 1) * 5 * LANES]
         for b in range(5):
@@ -233,8 +236,9 @@ def _sandwich(
             for c in range(b):
                 part += load(filling, b * (b + 1) // 2 + c) * load(column, c)
             total += 2.0 * part * load(column, b)
+        known = known & (total > 0.0) & (total < np.inf)
         _store_error(total, a, state, results, batch, batches)
-    return worst
+    return known
 
 
 @kernel

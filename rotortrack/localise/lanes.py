@@ -1,4 +1,10 @@
-"""Fits of many windows at once: sixteen spots in the lanes of vectors, float32."""
+"""Fits of many windows at once: sixteen spots in the lanes of vectors, in float32.
+
+A fit starts from a linear template, so close to the optimum that Newton's steps usually end it
+after three or four. A lane that has settled stands still, hence no result depends on what shares
+its batch. What does not settle, or settles where it may not, goes to the scalar fit of
+:mod:`rotortrack.localise.fit`, which is also what the lanes are tested against.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +19,7 @@ from rotortrack.localise.fit import METHODS, RESULT_COLUMNS, fit_chosen
 from rotortrack.localise.lane_math import (
     ENTRIES,
     FIXED,
+    LEAST_PIVOT,
     PROFILE_ROWS,
     SMALLEST_EXPECTATION,
     Scratch,
@@ -41,13 +48,13 @@ from rotortrack.localise.windows import Windows
 
 MAX_ITERATIONS: Final = 12
 SETTLED_STEP: Final = 0.03
-"""A lane has settled with a Newton step this short, in standard deviations (all parameters as one
-length). Newton's steps shrink by squares: what is left is below 1e-3 standard deviations."""
+"""A lane has settled with a Newton step this short, in standard deviations of all parameters
+together. Newton's steps shrink by squares: the step is still taken, and what is left is 1e-4 of a
+standard deviation in the median and below 5e-3 in 99 of 100 fits."""
 
 _NEWTON_BELOW = 10.0
 """Squared length of a step, in standard deviations, after which Newton's matrix is used."""
 
-_LEAST_PIVOT = 1e-4
 _SIGMA_BOUNDS_PX = (0.35, 20.0)
 _LEAST_PHOTONS = 1e-3
 
@@ -64,7 +71,40 @@ def fit_windows(
     free_sigma: bool = True,
     correct_bias: bool = True,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """..."""
+    """Fit an integrated Gaussian on a flat background to every window.
+
+    Parameters
+    ----------
+    windows
+        Photo-electrons and read variances.
+    radius
+        Windows are 2 * radius + 1 pixels wide.
+    method
+        What is minimised: squares, squares weighted with 1 / value, or the deviance of Poisson and
+        read noise (the maximum of the likelihood).
+    sigma_px
+        Width that spots are expected to have, or have when it is not fitted, pixels.
+    free_sigma
+        Whether the width is fitted.
+    correct_bias
+        Subtract the bias of likelihood fits to second order, see :mod:`rotortrack.localise.bias`;
+        their errors are then those of the corrected parameters. At 250 photons on 8 of background
+        it lowers the bias of the photons from 4.7 to 0.6 %; below 150 photons the series does not
+        tell all of it.
+
+    Returns
+    -------
+    results : ndarray, shape (10, n)
+        Rows RESULT_COLUMNS, x and y in pixels from the window's middle; NaN where unknown. Chi2
+        and log-likelihood ratio are those at the optimum, before any correction.
+    flags : ndarray of int32, shape (n,)
+        Bits of FitFlag: those of the windows, AT_BOUND, and how a fit ended that did not settle.
+
+    Notes
+    -----
+    Costs about 0.3 us for 7 x 7 pixels with AVX-512, errors included, 0.07 us more with the
+    correction, and some 30 us for one window in 500 at 250 photons, which the scalar fit takes.
+    """
     n = len(windows.flags)
     batches = len(windows.photons)
     results = np.full((len(RESULT_COLUMNS), batches * LANES), np.nan)
@@ -191,7 +231,7 @@ def _fit(
             g_2 = load(step, 2)
             g_3 = load(step, 3)
             g_4 = load(step, 4)
-            sound = factor(system) > _LEAST_PIVOT
+            sound = factor(system) > LEAST_PIVOT
             solve(system, step)
             length = g_0 * load(step, 0) + g_1 * load(step, 1) + g_2 * load(step, 2)
             length = length + g_3 * load(step, 3) + g_4 * load(step, 4)
@@ -228,7 +268,7 @@ def _fit(
         store(state, 2, light)
         store(state, 3, ground)
         store(state, 4, sigma)
-        worst = finish(
+        known = finish(
             raw,
             spread,
             noise,
@@ -247,7 +287,7 @@ def _fit(
             batch,
             batches,
         )
-        settled = settled & (worst > _LEAST_PIVOT)
+        settled = settled & known
         for a in range(5):
             store(results, a * batches + batch, load(state, a))
         left = bits(settled)
@@ -285,8 +325,8 @@ def _prepare(
     level = larger(level / count, 1e-3)
     for p in range(pixels):
         good = load(spread, p) < np.inf
-        c = select(floor > 0.0, larger(load(raw, p), floor), np.inf) if method == _WLSQ else level
-        store(noise, p, select(good, c, np.inf))
+        own = select(floor > 0.0, larger(load(raw, p), floor), np.inf)
+        store(noise, p, select(good, own if method == _WLSQ else level, np.inf))
     return count
 
 

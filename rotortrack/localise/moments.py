@@ -17,7 +17,7 @@ so its variance is the weighted sum of the pixels' Poisson and read variances.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,8 +120,8 @@ def match_moments(
         waves[1, k] = math.sin(2.0 * math.pi * (k - radius) / n)
         bell[k] = math.exp(-0.5 * ((k - radius) / bell_sigma) ** 2)
     reach = 0.5 * n + 0.5
-    lower = np.float32(start_sigma / SIGMA_FACTOR)
-    upper = np.float32(start_sigma * SIGMA_FACTOR)
+    lower: Any = np.float32(start_sigma / SIGMA_FACTOR)
+    upper: Any = np.float32(start_sigma * SIGMA_FACTOR)
     for batch in range(photons.shape[0]):
         light = photons[batch]
         noise = variance[batch]

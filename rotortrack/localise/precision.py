@@ -21,9 +21,6 @@ from rotortrack.localise.gaussian import (
 from rotortrack.localise.likelihood import SMALLEST_EXPECTATION
 from rotortrack.localise.linear import invert
 
-_FIXED = 1e60
-"""On the diagonal of a matrix this keeps a parameter where it is."""
-
 
 @kernel
 def covariance(
@@ -75,6 +72,10 @@ def covariance(
             if keep[i, j] == 0.0:
                 continue
             light = pixel_gradient(along_x, along_y, i, j, photons, slope)
+            if not free_background:
+                slope[BACKGROUND] = 0.0
+            if not free_sigma:
+                slope[SIGMA] = 0.0
             total = parameters[BACKGROUND] + photons * light + variance[i, j]
             total = max(total, SMALLEST_EXPECTATION)
             weight = weights[i, j] if weighted else 1.0 / total
@@ -83,12 +84,19 @@ def covariance(
                     product = weight * slope[a] * slope[b]
                     bread[a, b] += product
                     filling[a, b] += product * weight * total
+    # What was not fitted has nothing but this on its row, and gives way to 0 at the end.
     if not free_background:
-        bread[BACKGROUND, BACKGROUND] = _FIXED
+        bread[BACKGROUND, BACKGROUND] = 1.0
     if not free_sigma:
-        bread[SIGMA, SIGMA] = _FIXED
+        bread[SIGMA, SIGMA] = 1.0
     if not weighted:
-        return invert(bread, result)
+        if not invert(bread, result):
+            return False
+        if not free_background:
+            result[BACKGROUND, BACKGROUND] = 0.0
+        if not free_sigma:
+            result[SIGMA, SIGMA] = 0.0
+        return True
     inverse = np.empty((PARAMETERS, PARAMETERS))
     if not invert(bread, inverse):
         return False

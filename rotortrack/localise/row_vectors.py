@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 from llvmlite import ir
-from numba import extending
 from numba.core import types
+from numba.extending import intrinsic
 
-from rotortrack.localise.vectors import FLOATS, LANES, VECTOR, widen
-
-# numba types it as what it is in Python, not as what kernels call.
-intrinsic: Any = extending.intrinsic
+from rotortrack.localise.vectors import (
+    FLOATS,
+    LANES,
+    VECTOR,
+    Vector,
+    gives_nothing,
+    gives_vector,
+    widen,
+)
 
 _INDEX = ir.IntType(32)
 _INDICES = ir.VectorType(_INDEX, LANES)
@@ -22,7 +28,7 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, element: Any) -> A
     return builder.gep(data, [element])
 
 
-@intrinsic
+@gives_vector
 def load_pixels(typing: Any, array: Any, element: Any) -> Any:
     """Read 16 values of a contiguous float32 or uint16 array from an element on, as floats."""
 
@@ -42,7 +48,7 @@ def load_pixels(typing: Any, array: Any, element: Any) -> Any:
     return VECTOR(array, element), code
 
 
-@intrinsic
+@gives_nothing
 def store_pixels(typing: Any, array: Any, element: Any, value: Any) -> Any:
     """Write 16 values into a contiguous float32 array from an element on."""
 
@@ -61,8 +67,7 @@ def store_pixels(typing: Any, array: Any, element: Any, value: Any) -> Any:
     return types.none(array, element, value), code
 
 
-@intrinsic(prefer_literal=True)
-def shifted(typing: Any, left: Any, right: Any, by: Any) -> Any:
+def _shifted(typing: Any, left: Any, right: Any, by: Any) -> Any:
     """Take 16 of the 32 values of two neighbouring vectors, from value number `by` (literal) on."""
     if not isinstance(by, types.IntegerLiteral):
         return None
@@ -75,8 +80,10 @@ def shifted(typing: Any, left: Any, right: Any, by: Any) -> Any:
     return VECTOR(left, right, by), code
 
 
-@intrinsic
-def total(typing: Any, values: Any) -> Any:
+shifted = cast(Callable[[Vector, Vector, int], Vector], intrinsic(prefer_literal=True)(_shifted))
+
+
+def _total(typing: Any, values: Any) -> Any:
     """Add up the 16 values, pairwise, in the same order on every machine."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -92,3 +99,6 @@ def total(typing: Any, values: Any) -> Any:
         return builder.extract_element(summed, ir.Constant(_INDEX, 0))
 
     return types.float32(values), code
+
+
+total = cast(Callable[[Vector], float], intrinsic(_total))

@@ -90,7 +90,7 @@ def template(radius: int, sigma_px: float, free_sigma: bool) -> Template:
 
 
 def _slopes(size: int, sigma: float) -> NDArray[np.float64]:
-    """Differentiate a centred spot of one photon by x, y, photons, background and sigma."""
+    """Give the slopes of a centred spot of one photon by x, y, photons, background and sigma."""
     edges = (np.arange(size + 1) - 0.5 * size) / sigma
     bell = np.exp(-0.5 * edges**2) / np.sqrt(2.0 * np.pi) / sigma
     g = np.diff([0.5 * math.erf(edge / math.sqrt(2.0)) for edge in edges])

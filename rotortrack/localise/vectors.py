@@ -1,308 +1,324 @@
-"""Sixteen numbers at once: a type of float32 vectors for kernels, one spot in each lane.
+"""Sixteen numbers at once: a float32 vector type for kernels, with one spot in each lane.
 
-numba alone vectorises loops only when it feels like it, and a harmless change of code may cost a
-factor of five. A value of this type is one LLVM vector from the start, which becomes one register
-on AVX-512 and two or four elsewhere; arithmetic with it reads like that of numbers. Lanes never
-mix, so no result depends on what stands in the other lanes.
+Whether a compiler turns a loop over sixteen lanes into vector instructions hangs on details, and a
+harmless change of code can cost a factor of five. A value of this type is a vector from the start:
+one register with AVX-512, two or four elsewhere. Arithmetic with it, and with numbers, which count
+for every lane, reads as usual. Lanes never mix, so no result depends on what the others hold.
+
+Vectors live in kernels alone; :func:`load` and :func:`store` connect them with arrays, in which
+vector k fills the elements 16 k to 16 k + 15.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import extending
 from numba.core import cgutils, types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
-
-# numba types it as what it is in Python, not as what kernels call.
-intrinsic: Any = extending.intrinsic
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
 LANES: Final = 16
 
-Vector = Any
-Mask = Any
+
+class Vector(Protocol):
+    """Sixteen float32, as the type checker sees them."""
+
+    def __add__(self, other: Vector | float, /) -> Vector: ...
+    def __radd__(self, other: float, /) -> Vector: ...
+    def __sub__(self, other: Vector | float, /) -> Vector: ...
+    def __rsub__(self, other: float, /) -> Vector: ...
+    def __mul__(self, other: Vector | float, /) -> Vector: ...
+    def __rmul__(self, other: float, /) -> Vector: ...
+    def __truediv__(self, other: Vector | float, /) -> Vector: ...
+    def __rtruediv__(self, other: float, /) -> Vector: ...
+    def __neg__(self) -> Vector: ...
+    def __abs__(self) -> Vector: ...
+    def __lt__(self, other: Vector | float, /) -> Mask: ...
+    def __le__(self, other: Vector | float, /) -> Mask: ...
+    def __gt__(self, other: Vector | float, /) -> Mask: ...
+    def __ge__(self, other: Vector | float, /) -> Mask: ...
+    def __eq__(self, other: object, /) -> Mask: ...  # type: ignore[override]
 
 
-class _Vector(types.Type):
+class Mask(Protocol):
+    """Sixteen truths, as the type checker sees them."""
+
+    def __and__(self, other: Mask, /) -> Mask: ...
+    def __or__(self, other: Mask, /) -> Mask: ...
+    def __invert__(self) -> Mask: ...
+
+
+class _VectorType(types.Type):
     def __init__(self) -> None:
-        super().__init__(name="lanes")
+        super().__init__(name="float32 x 16")
 
 
-class _Mask(types.Type):
+class _MaskType(types.Type):
     def __init__(self) -> None:
-        super().__init__(name="lane_mask")
+        super().__init__(name="bool x 16")
 
 
-_FLOAT = ir.FloatType()
-FLOATS = ir.VectorType(_FLOAT, LANES)
-_INTS = ir.VectorType(ir.IntType(32), LANES)
+VECTOR = _VectorType()
+_MASK = _MaskType()
+_INT = ir.IntType(32)
+FLOATS = ir.VectorType(ir.FloatType(), LANES)
+_DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
+_INTS = ir.VectorType(_INT, LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
-VECTOR = _Vector()
-_MASK = _Mask()
-_FLAGS = ("contract",)
+
+# Multiplication and addition may fuse, as in all kernels.
+_FAST = ("contract",)
 
 
-@register_model(_Vector)
+@register_model(_VectorType)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, FLOATS)
+        super().__init__(manager, kind, FLOATS)  # type: ignore[no-untyped-call]
 
 
-@register_model(_Mask)
+@register_model(_MaskType)
 class _MaskModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _BITS)
-
-
-def _splat(builder: Any, value: Any) -> Any:
-    vector = builder.insert_element(
-        ir.Constant(FLOATS, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
-    )
-    return builder.shuffle_vector(
-        vector, ir.Constant(FLOATS, ir.Undefined), ir.Constant(_INTS, [0] * LANES)
-    )
-
-
-def _constant(value: float) -> Any:
-    return ir.Constant(FLOATS, [float(np.float32(value))] * LANES)
+        super().__init__(manager, kind, _BITS)  # type: ignore[no-untyped-call]
 
 
 def widen(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Give a number to every lane; vectors pass."""
-    if kind is VECTOR or isinstance(kind, _Vector):
+    if isinstance(kind, _VectorType):
         return value
-    return _splat(builder, context.cast(builder, value, kind, types.float32))
+    number = context.cast(builder, value, kind, types.float32)
+    first = builder.insert_element(ir.Constant(FLOATS, ir.Undefined), number, ir.Constant(_INT, 0))
+    return builder.shuffle_vector(
+        first, ir.Constant(FLOATS, ir.Undefined), ir.Constant(_INTS, [0] * LANES)
+    )
 
 
-def _is_operand(kind: Any) -> bool:
-    return isinstance(kind, (_Vector, types.Number))
+def _call(builder: Any, name: str, x: Any) -> Any:
+    """Call a function of LLVM that takes and returns a vector."""
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(FLOATS, [FLOATS]), f"llvm.{name}.v{LANES}f32"
+    )
+    return builder.call(function, [x])
 
 
-def _binary(function: Any, result: Any, code: Callable[[Any, Any, Any], Any]) -> None:
+def _define(
+    function: Any, operands: tuple[tuple[Any, ...], ...], result: Any, code: Callable[..., Any]
+) -> None:
+    """Teach numba an operator: for each tuple of operand types, `code` makes the instruction."""
+
     @infer_global(function)
     class _Rule(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            if (
-                len(args) == 2
-                and all(map(_is_operand, args))
-                and any(isinstance(a, _Vector) for a in args)
-            ):
-                return signature(result, *args)
+        def generic(self, args: Any, _keywords: Any) -> Any:
+            for kinds in operands:
+                if len(kinds) == len(args) and all(map(isinstance, args, kinds)):
+                    return signature(result, *args)
             return None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        left, right = (widen(context, builder, k, v) for k, v in zip(sig.args, args, strict=True))
-        return code(builder, left, right)
+        if not isinstance(sig.args[0], _MaskType):
+            args = [
+                widen(context, builder, kind, value)
+                for kind, value in zip(sig.args, args, strict=True)
+            ]
+        return code(builder, *args)
 
-    for left in (_Vector, types.Number):
-        for right in (_Vector, types.Number):
-            if left is _Vector or right is _Vector:
-                lower_builtin(function, left, right)(lower)
-
-
-_binary(operator.add, VECTOR, lambda b, x, y: b.fadd(x, y, flags=_FLAGS))
-_binary(operator.sub, VECTOR, lambda b, x, y: b.fsub(x, y, flags=_FLAGS))
-_binary(operator.mul, VECTOR, lambda b, x, y: b.fmul(x, y, flags=_FLAGS))
-_binary(operator.truediv, VECTOR, lambda b, x, y: b.fdiv(x, y, flags=_FLAGS))
-_binary(operator.iadd, VECTOR, lambda b, x, y: b.fadd(x, y, flags=_FLAGS))
-_binary(operator.isub, VECTOR, lambda b, x, y: b.fsub(x, y, flags=_FLAGS))
-_binary(operator.imul, VECTOR, lambda b, x, y: b.fmul(x, y, flags=_FLAGS))
+    for kinds in operands:
+        lower_builtin(function, *kinds)(lower)
 
 
-def _comparison(function: Any, sign: str) -> None:
-    _binary(function, _MASK, lambda builder, x, y: builder.fcmp_ordered(sign, x, y))
-
-
-_comparison(operator.lt, "<")
-_comparison(operator.le, "<=")
-_comparison(operator.gt, ">")
-_comparison(operator.ge, ">=")
-_comparison(operator.eq, "==")
-
-
-def _mask_binary(function: Any, name: str) -> None:
-    @infer_global(function)
-    class _Rule(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            if len(args) == 2 and all(isinstance(a, _Mask) for a in args):
-                return signature(_MASK, *args)
-            return None
-
-    @lower_builtin(function, _Mask, _Mask)
-    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, name)(*args)
-
-
-_mask_binary(operator.and_, "and_")
-_mask_binary(operator.or_, "or_")
-_mask_binary(operator.iand, "and_")
-_mask_binary(operator.ior, "or_")
-
-
-def _unary(function: Any, kind: Any, code: Callable[[Any, Any], Any]) -> None:
-    @infer_global(function)
-    class _Rule(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            return (
-                signature(args[0], *args)
-                if len(args) == 1 and isinstance(args[0], type(kind))
-                else None
-            )
-
-    @lower_builtin(function, type(kind))
-    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return code(builder, args[0])
-
-
-_unary(operator.neg, VECTOR, lambda b, x: b.fneg(x))
-_unary(operator.invert, _MASK, lambda b, x: b.not_(x))
-
-
-def _math(name: str) -> Callable[[Any, Any], Any]:
-    def code(builder: Any, x: Any) -> Any:
-        function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(FLOATS, [FLOATS]), f"llvm.{name}.v16f32"
+_PAIRS = (
+    (_VectorType, _VectorType),
+    (_VectorType, types.Number),
+    (types.Number, _VectorType),
+)
+for _functions, _name in (
+    ((operator.add, operator.iadd), "fadd"),
+    ((operator.sub, operator.isub), "fsub"),
+    ((operator.mul, operator.imul), "fmul"),
+    ((operator.truediv, operator.itruediv), "fdiv"),
+):
+    for _function in _functions:
+        _define(
+            _function,
+            _PAIRS,
+            VECTOR,
+            lambda builder, x, y, name=_name: getattr(builder, name)(x, y, flags=_FAST),
         )
-        return builder.call(function, [x])
+for _function, _sign in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
+):
+    _define(
+        _function,
+        _PAIRS,
+        _MASK,
+        lambda builder, x, y, sign=_sign: builder.fcmp_ordered(sign, x, y),
+    )
+_define(operator.neg, ((_VectorType,),), VECTOR, lambda builder, x: builder.fneg(x))
+_define(abs, ((_VectorType,),), VECTOR, lambda builder, x: _call(builder, "fabs", x))
+_MASKS = ((_MaskType, _MaskType),)
+_define(operator.and_, _MASKS, _MASK, lambda builder, x, y: builder.and_(x, y))
+_define(operator.or_, _MASKS, _MASK, lambda builder, x, y: builder.or_(x, y))
+_define(operator.invert, ((_MaskType,),), _MASK, lambda builder, x: builder.not_(x))
 
-    return code
+
+def gives_vector(function: Callable[..., Any]) -> Callable[..., Vector]:
+    """Make a function of kernels from one that gives its type and the code of its calls."""
+    return cast(Callable[..., Vector], intrinsic(function))
 
 
-_unary(abs, VECTOR, _math("fabs"))
+def gives_pair(function: Callable[..., Any]) -> Callable[..., tuple[Vector, Vector]]:
+    """Do the same for two vectors."""
+    return cast(Callable[..., tuple[Vector, Vector]], intrinsic(function))
 
 
-@intrinsic
-def sqrt(typing: Any, x: Any) -> Any:
-    """Take the square root of each lane."""
+def gives_number(function: Callable[..., Any]) -> Callable[..., int]:
+    """Do the same for a whole number."""
+    return cast(Callable[..., int], intrinsic(function))
 
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _math("sqrt")(builder, args[0])
+
+def gives_nothing(function: Callable[..., Any]) -> Callable[..., None]:
+    """Do the same for what is done to arrays."""
+    return cast(Callable[..., None], intrinsic(function))
+
+
+@gives_vector
+def all_lanes(_context: Any, number: Any) -> Any:
+    """Give a number to every lane."""
+
+    def code(context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        return widen(context, builder, number, args[0])
+
+    return VECTOR(number), code
+
+
+@gives_vector
+def sqrt(_context: Any, x: Any) -> Any:
+    """Take the square root of every lane."""
+
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        return _call(builder, "sqrt", args[0])
 
     return VECTOR(x), code
 
 
-@intrinsic
-def all_lanes(typing: Any, value: Any) -> Any:
-    """Give a number to every lane."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return widen(context, builder, value, args[0])
-
-    return VECTOR(value), code
-
-
-@intrinsic
-def select(typing: Any, mask: Any, yes: Any, no: Any) -> Any:
+@gives_vector
+def select(_context: Any, mask: Any, yes: Any, no: Any) -> Any:
     """Take `yes` in the lanes of the mask and `no` in the others."""
 
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def code(context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         return builder.select(
-            args[0], widen(context, builder, yes, args[1]), widen(context, builder, no, args[2])
+            args[0],
+            widen(context, builder, yes, args[1]),
+            widen(context, builder, no, args[2]),
         )
 
     return VECTOR(mask, yes, no), code
 
 
-def _extremum(sign: str) -> Any:
+def _extremum(sign: str) -> Callable[..., Any]:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (widen(context, builder, k, v) for k, v in zip(sig.args, args, strict=True))
+        x = widen(context, builder, sig.args[0], args[0])
+        y = widen(context, builder, sig.args[1], args[1])
         return builder.select(builder.fcmp_ordered(sign, x, y), x, y)
 
     return code
 
 
-@intrinsic
-def smaller(typing: Any, x: Any, y: Any) -> Any:
-    """Take the smaller of each lane; where `x` is NaN, `y`."""
+@gives_vector
+def smaller(_context: Any, x: Any, y: Any) -> Any:
+    """Take the smaller of both; where one is NaN, `y`."""
     return VECTOR(x, y), _extremum("<")
 
 
-@intrinsic
-def larger(typing: Any, x: Any, y: Any) -> Any:
-    """Take the larger of each lane; where `x` is NaN, `y`."""
+@gives_vector
+def larger(_context: Any, x: Any, y: Any) -> Any:
+    """Take the larger of both; where one is NaN, `y`."""
     return VECTOR(x, y), _extremum(">")
 
 
-@intrinsic
-def bits(typing: Any, mask: Any) -> Any:
-    """Pack a mask into an integer: bit l for lane l."""
+@gives_number
+def bits(_context: Any, mask: Any) -> Any:
+    """Pack a mask into an integer, lane l into bit l."""
 
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), ir.IntType(64))
 
     return types.int64(mask), code
 
 
-def _pointer(context: Any, builder: Any, kind: Any, value: Any, index: Any, wide: Any) -> Any:
-    array = context.make_array(kind)(context, builder, value=value)
+def _pointer(context: Any, builder: Any, kinds: Any, args: Any, wide: Any) -> Any:
+    """Point at the vector that the second argument numbers in the array of the first."""
+    array = context.make_array(kinds[0])(context, builder, value=args[0])
+    index = context.cast(builder, args[1], kinds[1], types.intp)
     offset = builder.mul(index, ir.Constant(index.type, LANES))
     return builder.bitcast(builder.gep(array.data, [offset]), wide.as_pointer())
 
 
-@intrinsic
-def load(typing: Any, array: Any, index: Any) -> Any:
-    """Read lane vector number `index` of a contiguous float32 array."""
+@gives_vector
+def load(_context: Any, array: Any, index: Any) -> Any:
+    """Read vector `index` of a contiguous float32 array; nothing checks its length."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        k = context.cast(builder, args[1], index, types.intp)
-        return builder.load(_pointer(context, builder, array, args[0], k, FLOATS), align=4)
+        return builder.load(_pointer(context, builder, sig.args, args, FLOATS), align=4)
 
     return VECTOR(array, index), code
 
 
-@intrinsic
-def store(typing: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write lane vector number `index` of a contiguous float32 or float64 array."""
+@gives_nothing
+def store(_context: Any, array: Any, index: Any, value: Any) -> Any:
+    """Write vector `index` of a contiguous float32 or float64 array; see :func:`load`."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        k = context.cast(builder, args[1], index, types.intp)
         x = widen(context, builder, value, args[2])
         wide = FLOATS
         if array.dtype == types.float64:
-            wide = ir.VectorType(ir.DoubleType(), LANES)
+            wide = _DOUBLES
             x = builder.fpext(x, wide)
-        builder.store(x, _pointer(context, builder, array, args[0], k, wide), align=4)
+        builder.store(x, _pointer(context, builder, sig.args, args, wide), align=4)
         return context.get_dummy_value()
 
     return types.none(array, index, value), code
 
 
-def _ints(value: int) -> Any:
+def _all_ints(value: int) -> Any:
     return ir.Constant(_INTS, [value] * LANES)
 
 
-@intrinsic
-def exp2_parts(typing: Any, x: Any) -> Any:
-    """Split x into its nearest whole number k, as the float 2^k, and x - k; |x| below 126."""
+@gives_pair
+def exp2_parts(_context: Any, x: Any) -> Any:
+    """Give 2^k and x - k for the whole number k nearest to x, which lies within -126 and 127."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        whole = _math("rint")(builder, args[0])
-        exponent = builder.fptosi(whole, _INTS)
-        power = builder.bitcast(builder.shl(builder.add(exponent, _ints(127)), _ints(23)), FLOATS)
-        rest = builder.fsub(args[0], whole)
-        return context.make_tuple(builder, sig.return_type, (power, rest))
+        whole = _call(builder, "rint", args[0])
+        exponent = builder.add(builder.fptosi(whole, _INTS), _all_ints(127))
+        power = builder.bitcast(builder.shl(exponent, _all_ints(23)), FLOATS)
+        return context.make_tuple(builder, sig.return_type, (power, builder.fsub(args[0], whole)))
 
     return types.UniTuple(VECTOR, 2)(x), code
 
 
-@intrinsic
-def log2_parts(typing: Any, x: Any) -> Any:
-    """Split a normal x > 0 into k and m with x = 2^k m and m within sqrt(1/2) .. sqrt(2)."""
+@gives_pair
+def log2_parts(_context: Any, x: Any) -> Any:
+    """Give k and m with x = 2^k m and m from sqrt(1/2) to sqrt(2), for normal x > 0."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        # Bits of sqrt(1/2): subtracting them makes the exponent field count from there.
-        half = _ints(0x3F3504F3)
         number = builder.bitcast(args[0], _INTS)
-        shifted = builder.sub(number, half)
-        exponent = builder.ashr(shifted, _ints(23))
-        mantissa = builder.bitcast(builder.sub(number, builder.shl(exponent, _ints(23))), FLOATS)
+        # Counted from the bits of sqrt(1/2), the field of the exponent changes there.
+        root = int(np.float32(np.sqrt(0.5)).view(np.int32))
+        exponent = builder.ashr(builder.sub(number, _all_ints(root)), _all_ints(23))
+        mantissa = builder.sub(number, builder.shl(exponent, _all_ints(23)))
         return context.make_tuple(
-            builder, sig.return_type, (builder.sitofp(exponent, FLOATS), mantissa)
+            builder,
+            sig.return_type,
+            (builder.sitofp(exponent, FLOATS), builder.bitcast(mantissa, FLOATS)),
         )
 
     return types.UniTuple(VECTOR, 2)(x), code

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rotortrack.cameras.camera import Camera
 from rotortrack.flags import FitFlag
 from rotortrack.kernels import kernel
+from rotortrack.localise.vectors import LANES as LANES
 
-LANES: Final = 16
 _CACHE_LINE_BYTES = 64
 
 _MASKED_PIXELS = int(FitFlag.MASKED_PIXELS)
@@ -122,12 +122,17 @@ def cut_windows(
     return windows
 
 
-def _alike(camera: CameraArrays, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], ...]:
+def _alike(
+    camera: CameraArrays, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Give offset, gain and variance as three numbers or as three maps."""
     values = (camera.offset_adu, camera.gain_e_per_adu, camera.variance_e2)
     if len({value.size for value in values}) == 1:
         return values
-    return tuple(np.ascontiguousarray(np.broadcast_to(value, shape)) for value in values)
+    offset, gain, variance = (
+        np.ascontiguousarray(np.broadcast_to(value, shape)) for value in values
+    )
+    return offset, gain, variance
 
 
 def _aligned(shape: tuple[int, int, int]) -> NDArray[np.float32]:
