@@ -46,7 +46,10 @@ from rotortrack.localise.vectors import (
 )
 from rotortrack.localise.windows import Windows
 
-MAX_ITERATIONS: Final = 12
+FIRST_ITERATIONS: Final = 7
+SECOND_ITERATIONS: Final = 30
+"""Iterations of all windows, and of those that have not settled by then, from the start again."""
+
 SETTLED_STEP: Final = 0.03
 """A lane has settled with a Newton step this short, in standard deviations of all parameters
 together. Newton's steps shrink by squares: the step is still taken, and what is left is 1e-4 of a
@@ -105,20 +108,55 @@ def fit_windows(
     Costs about 0.3 us for 7 x 7 pixels with AVX-512, errors included, 0.07 us more with the
     correction, and some 30 us for one window in 500 at 250 photons, which the scalar fit takes.
     """
-    n = len(windows.flags)
-    batches = len(windows.photons)
-    results = np.full((len(RESULT_COLUMNS), batches * LANES), np.nan)
-    flags = np.zeros(batches * LANES, np.int32)
-    unsettled = np.zeros(batches * LANES, np.bool_)
-    start = template(radius, sigma_px, free_sigma)
     correct = correct_bias and method == "mle"
+    width = (sigma_px, free_sigma)
+    results, flags, left = _run(windows, radius, method, *width, correct, FIRST_ITERATIONS)
+    if len(left):
+        # A straggler would hold up its whole batch, so stragglers have batches of their own.
+        again = _gather(windows, left)
+        results[:, left], flags[left], rest = _run(
+            again, radius, method, *width, correct, SECOND_ITERATIONS
+        )
+        left = left[rest]
+    flags |= windows.flags
+    if len(left):
+        fit_chosen(
+            windows,
+            left,
+            method=method,
+            sigma_px=sigma_px,
+            free_sigma=free_sigma,
+            correct_bias=correct,
+            results=results,
+            flags=flags,
+        )
+    return results, flags
+
+
+def _run(
+    windows: Windows,
+    radius: int,
+    method: str,
+    sigma_px: float,
+    free_sigma: bool,
+    correct_bias: bool,
+    iterations: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int64]]:
+    """Fit in lanes; the third result numbers the windows that did not settle."""
+    n = len(windows.flags)
+    lanes = len(windows.photons) * LANES
+    results = np.empty((len(RESULT_COLUMNS), lanes))
+    flags = np.empty(lanes, np.int32)
+    unsettled = np.empty(lanes, np.bool_)
+    start = template(radius, sigma_px, free_sigma)
     _fit(
         windows.photons.reshape(-1),
         windows.variance.reshape(-1),
         2 * radius + 1,
         METHODS[method],
         free_sigma,
-        correct,
+        correct_bias,
+        iterations,
         start.filters,
         start.curves,
         start.range[0],
@@ -127,23 +165,23 @@ def fit_windows(
         flags,
         unsettled,
     )
-    results = results[:, :n]
-    chosen = np.flatnonzero(unsettled[:n])
-    flags = flags[:n]
-    flags[chosen] = 0
-    flags |= windows.flags
-    if len(chosen):
-        fit_chosen(
-            windows,
-            chosen,
-            method=method,
-            sigma_px=sigma_px,
-            free_sigma=free_sigma,
-            correct_bias=correct_bias,
-            results=results,
-            flags=flags,
-        )
-    return results, flags
+    left = np.flatnonzero(unsettled[:n])
+    flags[left] = 0
+    return results[:, :n], flags[:n], left
+
+
+def _gather(windows: Windows, chosen: NDArray[np.int64]) -> Windows:
+    """Copy chosen windows into batches of their own."""
+    spare = -len(chosen) % LANES
+
+    def gathered(values: NDArray[np.float32], fill: float) -> NDArray[np.float32]:
+        rows = values[chosen // LANES, :, chosen % LANES]
+        rows = np.pad(rows, ((0, spare), (0, 0)), constant_values=fill)
+        return np.ascontiguousarray(rows.reshape(-1, LANES, rows.shape[1]).transpose(0, 2, 1))
+
+    return Windows(
+        gathered(windows.photons, 0.0), gathered(windows.variance, np.inf), windows.flags[chosen]
+    )
 
 
 @kernel
@@ -162,6 +200,7 @@ def _fit(
     method: int,
     free_sigma: bool,
     correct_bias: bool,
+    iterations: int,
     filters: NDArray[np.float32],
     curves: NDArray[np.float32],
     least_ratio: float,
@@ -198,7 +237,7 @@ def _fit(
         active = usable
         newton = all_lanes(1.0)
         held = count < 0.0
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(iterations):
             if bits(active) == 0:
                 break
             scale = 1.0 / sigma
@@ -254,9 +293,14 @@ def _fit(
             ground = select(moved, larger(ground - fall, 0.0), ground)
             ended = moved & (part >= 1.0) & ~held
             held = blocked & sound
-            limit = select(newton > 0.0, SETTLED_STEP**2, 0.01 * SETTLED_STEP**2)
-            # Where Newton's matrix was of no use, Fisher's is tried.
-            newton = select(sound & (length < _NEWTON_BELOW), 1.0, 0.0)
+            limit = select(newton >= 1.0, SETTLED_STEP**2, 0.01 * SETTLED_STEP**2)
+            # Where a matrix is not positive definite, the next one has half as much of Newton's;
+            # after a long step it is Fisher's, which always is.
+            newton = select(
+                sound,
+                select(length < _NEWTON_BELOW, smaller(2.0 * newton + 0.25, 1.0), 0.0),
+                0.5 * newton,
+            )
             active = active & ~(ended & (length < limit))
         settled = usable & ~active
         settled = settled & (abs(x) <= 0.5 * size - 0.5) & (abs(y) <= 0.5 * size - 0.5)

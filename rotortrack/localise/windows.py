@@ -103,15 +103,14 @@ def cut_windows(
         _aligned((batches, pixels, LANES)),
         np.zeros(n, np.int32),
     )
+    if camera.variance_e2.size == 1:
+        windows.variance[:] = camera.variance_e2[0, 0]
     # Spare lanes of the last batch.
-    windows.photons[n // LANES :] = 0.0
-    windows.variance[n // LANES :] = np.inf
-    offset, gain, variance = _alike(camera, counts.shape[1:])
+    windows.photons[n // LANES :, :, n % LANES :] = 0.0
+    windows.variance[n // LANES :, :, n % LANES :] = np.inf
     _cut(
         counts,
-        offset,
-        gain,
-        variance,
+        *_alike(camera, counts.shape[1:]),
         camera.saturation_adu,
         candidates,
         radius,
@@ -136,7 +135,7 @@ def _alike(
 
 
 def _aligned(shape: tuple[int, int, int]) -> NDArray[np.float32]:
-    """Make room in which no vector straddles two cache lines, which would cost the fit a tenth."""
+    """Make room in which no vector straddles two cache lines."""
     count = math.prod(shape)
     raw = np.empty(count + LANES, np.float32)
     skip = (-raw.ctypes.data % _CACHE_LINE_BYTES) // raw.itemsize
@@ -167,9 +166,8 @@ def _cut(
         place = (k // LANES) * size * size * LANES + k % LANES
         flag = 0
         is_inside = top >= 0 and left >= 0 and top + size <= height and left + size <= width
-        # Stays 0 while all values are finite.
-        oddity = np.float32(0.0)
-        if is_inside:
+        is_plain = is_inside and not has_limits
+        if is_plain:
             highest = np.float32(-np.inf)
             target = place
             for i in range(top, top + size):
@@ -177,14 +175,11 @@ def _cut(
                 if is_uniform:
                     level = offset[0, 0]
                     factor = gain[0, 0]
-                    spread = variance[0, 0]
-                    oddity += spread * np.float32(0.0)
                     for j in range(size):
                         count = np.float32(line[j])
                         value = (count - level) * factor
                         photons[target] = value
-                        noise[target] = spread
-                        oddity += value * np.float32(0.0)
+                        is_plain &= math.isfinite(value)
                         highest = max(highest, count)
                         target += LANES
                 else:
@@ -197,12 +192,14 @@ def _cut(
                         value = (count - levels[j]) * factors[j]
                         photons[target] = value
                         noise[target] = spread
-                        oddity += (value + spread) * np.float32(0.0)
+                        is_plain &= math.isfinite(value + spread)
                         highest = max(highest, count)
                         target += LANES
-            if not has_limits and highest >= saturation[0, 0]:
+            # The fit's own variance, of all pixels alike, was filled in at once beforehand.
+            is_plain &= not is_uniform or math.isfinite(variance[0, 0])
+            if highest >= saturation[0, 0]:
                 flag |= _SATURATED
-        if not is_inside or has_limits or oddity != 0.0:
+        if not is_plain:
             flag = 0
             target = place
             for i in range(top, top + size):
