@@ -4,6 +4,9 @@ numba notices a changed kernel but not a changed callee in another file, so the 
 named by a hash of all sources of the package and of the numba version. Cached kernels are machine
 code that is run without question, hence the folder belongs to the user alone (mode 0700). Folders
 of other versions go when nobody has used them for 30 days.
+
+A start costs no more than what is used: a kernel looks for its files when it is first called, and
+numba's compiler, which loads scipy, stays away while all kernels are found.
 """
 
 from __future__ import annotations
@@ -25,6 +28,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config as numba_config
+from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 from rotortrack.errors import KernelCacheWarning
 
@@ -39,19 +44,49 @@ def kernel(function: _Function) -> _Function:
 
     Fused multiply-add is allowed (`contract`), nothing that changes how NaN behaves.
     """
-    folder = cache_folder()
-    compile_ = numba.njit(
-        nogil=True, error_model="numpy", fastmath={"contract"}, cache=folder is not None
-    )
-    # numba reads the folder when the function is decorated; other packages keep their own.
-    config: Any = numba_config
-    other_folder = config.CACHE_DIR
-    if folder is not None:
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    dispatcher._cache = _LateCache(dispatcher._cache, function)
+    return cast(_Function, dispatcher)
+
+
+class _LateCache:
+    """Numba's cache of one kernel, opened when the kernel is first called or compiled.
+
+    Most kernels are part of the machine code of others and are never asked for by themselves.
+    """
+
+    def __init__(self, none: Any, function: Callable[..., object]) -> None:
+        self._none = none
+        self._function = function
+
+    @functools.cached_property
+    def _cache(self) -> Any:
+        folder = cache_folder()
+        if folder is None:
+            return self._none
+        # numba reads the folder when a cache is made; other packages keep their own.
+        config: Any = numba_config
+        other_folder = config.CACHE_DIR
         config.CACHE_DIR = str(folder)
-    try:
-        return cast(_Function, compile_(function))
-    finally:
-        config.CACHE_DIR = other_folder
+        try:
+            return cast(Any, _LeanCache)(self._function)
+        finally:
+            config.CACHE_DIR = other_folder
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+
+class _LeanCache(FunctionCache):
+    """Numba's cache, without what a compiler needs and machine code does not."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a compiled kernel; None when there is none."""
+        # numba would prepare the whole compiler here. Code that runs needs its memory manager
+        # alone, and whoever compiles after all prepares the rest.
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return cast(Any, super())._load_overload(sig, target_context)
 
 
 @functools.cache
@@ -122,6 +157,7 @@ def _refuse_open_to_others(folder: Path) -> None:
         raise PermissionError(f"{folder.parent} is open to other users")
 
 
+@functools.cache
 def source_hash() -> str:
     """Hash the package's sources with the numba and Python versions."""
     package = Path(__file__).parent

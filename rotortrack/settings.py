@@ -1,8 +1,8 @@
 """Options: one frozen dataclass a section, filled from defaults, file, preset, config and flags.
 
 An option class is the only source of a TOML key, its command-line flag, default, bounds and
-documentation. pydantic is imported only when values from outside are checked, so that option
-classes load with the standard library alone.
+documentation. pydantic is imported only for values from outside that are not plainly of the right
+type, so that option classes, and most commands, load without it.
 """
 
 from __future__ import annotations
@@ -118,9 +118,8 @@ class OptionField:
         if value is None:
             return None
         if self.choices and value not in self.choices:
-            return (
-                f"must be one of {', '.join(map(str, self.choices))}, not {shortened(repr(value))}"
-            )
+            allowed = ", ".join(map(str, self.choices))
+            return f"must be one of {allowed}, not {shortened(repr(value))}"
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, bool) or not isinstance(number, int | float):
                 continue
@@ -353,21 +352,21 @@ def _take(
 
 def _convert(field: OptionField, raw: Any) -> tuple[Any, str | None]:
     """Check the type of a raw value; a list becomes a tuple, a TOML boolean a choice's word."""
-    from pydantic import ConfigDict, TypeAdapter, ValidationError
-
     if isinstance(raw, bool) and str(raw).lower() in field.choices:
         raw = str(raw).lower()
     if isinstance(raw, list):
         raw = tuple(raw)
+    if type(raw) in field.types or (type(raw) is str and raw in field.choices):
+        return raw, None
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
     adapter = TypeAdapter(field.annotation, config=ConfigDict(strict=True))
     try:
         return adapter.validate_python(raw), None
     except ValidationError as error:
         if field.choices:
-            return (
-                None,
-                f"must be one of {', '.join(map(str, field.choices))}, not {shortened(repr(raw))}",
-            )
+            allowed = ", ".join(map(str, field.choices))
+            return None, f"must be one of {allowed}, not {shortened(repr(raw))}"
         # A union such as `float | None` reports the failure of every branch; the first one is
         # the type that the user meant to give.
         message = error.errors()[0]["msg"]

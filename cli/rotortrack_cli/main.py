@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import os
 import sys
 import traceback
@@ -54,6 +55,9 @@ def rotortrack(show_traceback: bool) -> None:
     """Track nanoscale rotors: from a fluorescence movie to speeds with error bars."""
 
 
+_GARBAGE_OBJECTS = 200_000
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
@@ -62,12 +66,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         What stands behind `rotortrack`; `sys.argv` when not given.
     """
+    if arguments is None:
+        # Libraries are a million objects that stay: a search for garbage among them at every start
+        # takes as long as half of their imports.
+        gc.set_threshold(_GARBAGE_OBJECTS)
     try:
         with stoppable():
             return _run(arguments)
     except KeyboardInterrupt as stop:
         # It came while the end of the command was being told.
         return _explain(stop)[0]
+    finally:
+        if arguments is None:
+            # Nor is there a need for one at the end of the process.
+            gc.freeze()
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from rotortrack.errors import TableError
@@ -68,7 +67,7 @@ def fit(table: pa.Table, schema: Schema, path: Path) -> pa.Table:
         if values.null_count and column.dtype != "str":
             if not column.dtype.startswith("float"):
                 raise TableError(f"{path}: column {column.name} has empty cells")
-            values = pc.fill_null(values, float("nan"))
+            values = values.fill_null(float("nan"))
         try:
             values = values.cast(arrow_type(column.dtype))
         except pa.ArrowException as error:

@@ -52,7 +52,9 @@ class RowGroupWriter:
         if self._file is None:
             self._target = open_file(self._temporary, "w")
             self._file = _create(self._target, table.schema.with_metadata(self._metadata))
-        self._pending.append(table.cast(self._file.schema))
+        # Only a cast loads pyarrow's compute functions.
+        alike = table.schema.equals(self._file.schema)
+        self._pending.append(table if alike else table.cast(self._file.schema))
         self._rows += table.num_rows
         while self._rows >= BLOCK_ROWS:
             self._write(BLOCK_ROWS)

@@ -65,6 +65,25 @@ print(json.dumps({
 """
 
 
+MIXED = """
+import json, sys
+import numpy as np
+from rotortrack import caller, callee
+# The first process compiled it for its caller.
+first = callee.scale(3.0)
+quiet = "numba.np.linalg" not in sys.modules
+values = [caller.total(np.arange(4, dtype=kind)) for kind in ("f8", "f4", "i2")]
+print(json.dumps({
+    "first": first,
+    "quiet": quiet,
+    "values": values,
+    "package": callee.__file__,
+    "hits": sum(caller.total.stats.cache_hits.values()),
+    "misses": sum(caller.total.stats.cache_misses.values()),
+}))
+"""
+
+
 @kernel
 def _ratio(a: Any, b: float) -> Any:
     out = np.empty(len(a))
@@ -90,7 +109,7 @@ def package(tmp_path: Path) -> Path:
 def trial(package: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
     """Call the kernel in a new process; give its value and what became of the cache."""
 
-    def run(**environment: object) -> dict[str, Any]:
+    def run(program: str = TRIAL, **environment: object) -> dict[str, Any]:
         chosen = {"ROTORTRACK_CACHE_DIR": tmp_path / "cache", **environment}
         variables = {**os.environ, "PYTHONPATH": str(package.parent)}
         variables.pop("NUMBA_CACHE_DIR", None)
@@ -98,7 +117,7 @@ def trial(package: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
         if chosen["ROTORTRACK_CACHE_DIR"] is None:
             variables.pop("ROTORTRACK_CACHE_DIR", None)
         done = subprocess.run(
-            [sys.executable, "-B", "-c", TRIAL],
+            [sys.executable, "-B", "-c", program],
             env=variables,
             cwd=tmp_path,
             capture_output=True,
@@ -140,6 +159,19 @@ def test_the_second_process_loads_what_the_first_compiled(
     assert list(Path(first["folder"]).rglob("*.nbc"))
     if os.name == "posix":
         assert modes(tmp_path / "cache") == {0o700}
+
+
+def test_a_process_that_only_loads_prepares_no_compiler_and_may_compile_later(
+    trial: Callable[..., dict[str, Any]],
+) -> None:
+    assert trial()["value"] == 12.0
+    first, second = trial(MIXED), trial(MIXED)
+    assert first["values"] == second["values"] == [12.0, 12.0, 12.0]
+    assert first["first"] == second["first"] == 6.0
+    assert first["quiet"]
+    assert second["quiet"]
+    assert (first["hits"], first["misses"]) == (1, 2)
+    assert (second["hits"], second["misses"]) == (3, 0)
 
 
 def test_a_changed_callee_in_another_file_gives_the_new_result(

@@ -10,12 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import pydantic
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rotortrack.errors import ConfigurationError
-from rotortrack.settings import Layer, Options, option, option_fields, read_toml, resolve
+from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.settings import (
+    Layer,
+    Options,
+    _convert,
+    option,
+    option_fields,
+    read_toml,
+    resolve,
+)
 
 
 def _not_seven(value: int) -> str | None:
@@ -283,3 +293,33 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
     path.write_text("[stage]\ncount = 4\n", encoding="utf-8-sig")
     content: Mapping[str, Any] = read_toml(path)
     assert content == {"stage": {"count": 4}}
+
+
+RAW = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-5, 20),
+    st.sampled_from([2**53, 2**70, "mle", "bound", "lsq ", "unknown", "paper", [], [0, 4], {}]),
+    st.floats(),
+    st.text(max_size=5),
+    st.lists(st.one_of(st.integers(-5, 5), st.floats(), st.text(max_size=2)), max_size=4),
+)
+
+
+@given(raw=RAW, data=st.data())
+def test_values_taken_without_pydantic_are_those_that_it_takes(raw: Any, data: Any) -> None:
+    """Plain values skip its import; every option of the program is tried."""
+    field = data.draw(
+        st.sampled_from([field for kind in SECTIONS.values() for field in option_fields(kind)])
+    )
+    value, problem = _convert(field, raw)
+    raw = str(raw).lower() if isinstance(raw, bool) and str(raw).lower() in field.choices else raw
+    raw = tuple(raw) if isinstance(raw, list) else raw
+    adapter = pydantic.TypeAdapter(field.annotation, config=pydantic.ConfigDict(strict=True))
+    try:
+        expected = adapter.validate_python(raw)
+    except pydantic.ValidationError:
+        assert problem is not None
+    else:
+        assert problem is None
+        assert (type(value), repr(value)) == (type(expected), repr(expected))

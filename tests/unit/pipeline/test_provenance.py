@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.metadata
 import json
 import tomllib
 import warnings
@@ -11,7 +12,7 @@ import pytest
 
 from rotortrack.errors import DriftWarning, RotortrackWarning
 from rotortrack.pipeline.presets import SECTIONS
-from rotortrack.pipeline.provenance import Noted, Record, to_toml
+from rotortrack.pipeline.provenance import Noted, Record, to_toml, versions
 from rotortrack.settings import Layer, resolve
 
 GIVEN = {"movie": {"pixel_size_nm": 108.3, "region": [1, 2, 30, 40]}, "motion": {"min_steps": 9}}
@@ -94,3 +95,9 @@ def test_tables_repeat_nothing_that_changes_from_run_to_run():
         record.content["seconds"]["localise"] = seconds
     assert records[0].provenance == records[1].provenance
     assert {"versions", "inputs", "options", "counts"} <= set(records[0].provenance)
+
+
+def test_versions_are_those_of_the_installed_packages():
+    told = versions()
+    for name in ("numpy", "scipy", "numba", "pandas", "pyarrow", "tifffile", "rotortrack"):
+        assert told[name] == importlib.metadata.version(name)
