@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.localise.candidates import frame_maxima, local_maxima
-from rotortrack.localise.noise import TILE_COLUMNS, frame_noise, noise_of_filtered, tile_noise
+from rotortrack.localise.noise import measure_noise, noise_of_filtered, tile_noise
 from rotortrack.localise.threshold import Threshold
 from rotortrack.localise.wavelet import Planes, wavelet_planes
 from rotortrack.localise.windows import CameraArrays
@@ -22,9 +22,6 @@ Candidates = NDArray[np.int32]
 
 _STREAMED_TAPS = 5
 _SMALLEST = np.float32(1e-30)
-_BANDS_FROM_ROWS = 64
-"""Frames with this many rows tell their noise from one band in two, from twice as many in four."""
-
 _FIRST_CAPACITY = 4096
 _NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
 
@@ -86,17 +83,22 @@ def find_candidates(
     hides, row_hides = masks
     values: Mapping[str, Any] = {}
     if threshold.needs:
-        exact = any(name.startswith(("std", "var")) for name in threshold.needs)
-        few = exact or shape[2] < TILE_COLUMNS
-        every = 1 if few else min(max(shape[1] // _BANDS_FROM_ROWS, 1), 4)
-        noise = np.empty((len(counts), 3))
-        quantum = np.float32(quantum_e)
-        frame_noise(pixels, shape, offset, gain, hides, row_hides, taps, quantum, every, noise)
+        noise, _, variance = measure_noise(
+            pixels,
+            shape,
+            offset,
+            gain,
+            hides,
+            row_hides,
+            taps,
+            quantum_e,
+            all_rows=any(name.startswith(("std", "var")) for name in threshold.needs),
+        )
         values = {
-            "noise(F1)": noise[:, 0],
-            "noise(F)": noise[:, 0] * noise_of_filtered(taps.tobytes()),
-            "var(F1)": noise[:, 2],
-            "std(F1)": np.sqrt(noise[:, 2]),
+            "noise(F1)": noise,
+            "noise(F)": noise * noise_of_filtered(taps.tobytes()),
+            "var(F1)": variance,
+            "std(F1)": np.sqrt(variance),
         }
     limits = np.broadcast_to(threshold.value(values), len(counts)).copy()
     limits[~(limits < np.inf) | absent] = np.inf

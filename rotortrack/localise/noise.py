@@ -25,6 +25,9 @@ TILE_COLUMNS = 16
 _ROUNDING = np.float32(4e-6)
 """Part of a frame's level that rounding in float32 may leave in the planes of a constant frame."""
 
+_BANDS_FROM_ROWS = 64
+"""Of frames with n times as many rows, one band in n tells the noise, at most one in four."""
+
 _QUANTISATION = np.float32(0.29)
 """Standard deviation of rounding to whole counts, 1 / sqrt(12)."""
 
@@ -40,6 +43,7 @@ def frame_noise(
     taps: NDArray[np.float32],
     quantum_e: np.float32,
     every: int,
+    tiles: NDArray[np.float64],
     result: NDArray[np.float64],
 ) -> None:
     """Measure the finest wavelet plane F1 = I - V1 of every frame.
@@ -60,9 +64,11 @@ def frame_noise(
         Photo-electrons of one count, 0 where counts are not whole.
     every
         Bands of TILE_ROWS rows are measured at this distance, in bands; 1 measures all rows.
+    tiles
+        (frame, tile) receives the mean square of each tile of the measured bands.
     result
-        (frame, 3) receives the noise (square root of the median over tiles of the mean square;
-        never below what rounding leaves), and, when all rows are measured, mean and variance.
+        (frame, 3) receives the least noise that rounding leaves, and, when all rows are measured,
+        mean and variance.
     """
     frames, height, width = shape
     columns = FIRST_COLUMN + (width + 15) // 16 * 16 + 16
@@ -75,7 +81,6 @@ def frame_noise(
     scale[FIRST_COLUMN - MARGIN : FIRST_COLUMN + width + MARGIN] = taps[0] * taps[0]
     squares = aligned(stride)
     vectors = width // 16 * 16
-    tiles = np.empty((height // TILE_ROWS) * (vectors // TILE_COLUMNS) + 1)
     for k in range(frames):
         start = k * height * width
         summed = 0.0
@@ -128,7 +133,7 @@ def frame_noise(
                     tile = total(load_pixels(squares, j))
                     squared += tile
                     if is_whole:
-                        tiles[count] = tile / (TILE_ROWS * TILE_COLUMNS)
+                        tiles[k, count] = tile / (TILE_ROWS * TILE_COLUMNS)
                         count += 1
                 for j in range(vectors, width):
                     squared += squares[j]
@@ -136,13 +141,52 @@ def frame_noise(
         mean = summed / pixels
         result[k, 1] = mean
         result[k, 2] = max(squared - pixels * mean * mean, 0.0) / max(pixels - 1, 1)
-        typical = float(np.median(tiles[:count])) if count > 0 else float(result[k, 2])
         store_pixels(squares, 0, highest)
         largest = np.float32(0.0)
         for lane in range(16):
             largest = max(largest, squares[lane])
-        floor = float(max(_QUANTISATION * quantum_e, _ROUNDING * largest))
-        result[k, 0] = max(math.sqrt(typical), floor)
+        result[k, 0] = max(_QUANTISATION * quantum_e, _ROUNDING * largest)
+
+
+def measure_noise(
+    counts: NDArray[Any],
+    shape: tuple[int, int, int],
+    offset: NDArray[np.float32],
+    gain: NDArray[np.float32],
+    hidden: NDArray[np.bool_],
+    row_hides: NDArray[np.bool_],
+    taps: NDArray[np.float32],
+    quantum_e: float,
+    *,
+    all_rows: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Measure the finest wavelet plane F1 = I - V1 of every frame.
+
+    Parameters
+    ----------
+    counts, shape, offset, gain, hidden, row_hides, taps, quantum_e
+        As for :func:`frame_noise`.
+    all_rows
+        Measure all rows, for mean and variance; otherwise one band in two to four tells the noise
+        of large frames as well.
+
+    Returns
+    -------
+    noise, mean, variance
+        (frame,) square root of the median over tiles of the mean square, never below what rounding
+        leaves; and, where all rows are measured, mean and variance of the plane.
+    """
+    frames, height, width = shape
+    columns = width // TILE_COLUMNS
+    few = all_rows or columns == 0
+    every = 1 if few else min(max(height // _BANDS_FROM_ROWS, 1), 4)
+    tiles = np.empty((frames, -(-(height // TILE_ROWS) // every) * columns))
+    result = np.empty((frames, 3))
+    quantum = np.float32(quantum_e)
+    frame_noise(counts, shape, offset, gain, hidden, row_hides, taps, quantum, every, tiles, result)
+    least, mean, variance = result.T
+    typical = np.median(tiles, axis=1) if tiles.size else variance
+    return np.maximum(np.sqrt(typical), least), mean, variance
 
 
 def tile_noise(
