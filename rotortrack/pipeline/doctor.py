@@ -152,9 +152,12 @@ def warm_up(draw: Draw | None = None) -> None:
     """
     import numpy as np
 
+    from rotortrack.cameras.camera import Camera
     from rotortrack.cameras.film_statistics import film_statistics
     from rotortrack.localise.fit import METHODS
+    from rotortrack.localise.lanes import fit_windows
     from rotortrack.localise.quick import QUICK_METHODS
+    from rotortrack.localise.windows import camera_arrays, cut_windows
     from rotortrack.pipeline.run import run_movie
     from rotortrack.settings import Layer
 
@@ -168,6 +171,11 @@ def warm_up(draw: Draw | None = None) -> None:
             layer = Layer("warm-up", {**options, "localise": chosen})
             run_movie(folder / "movie.tif", [layer], folder / method, draw=draw)
             draw = None
+    # No fit of the film is sure to need the second tier; a window without light is.
+    dark = np.zeros((1, 9, 9), np.float32)
+    camera = camera_arrays(Camera(0.0, 1.0, 1.0), dark.dtype)
+    windows = cut_windows(dark, camera, np.array([[0, 4, 4]], np.int32), 3)
+    fit_windows(windows, 3, method="mle", sigma_px=1.6)
     for kind in (np.uint16, np.float64):
         film_statistics([np.arange(1200).reshape(3, 20, 20).astype(kind)])
 
