@@ -21,7 +21,7 @@ LEAST_SQUARES = 0
 LIKELIHOOD = 1
 
 MAX_ITERATIONS = 200
-STEP_TOLERANCE = 1e-8
+STEP_TOLERANCE = 1e-7
 """A fit has settled when a step changes every parameter by less than this part of its scale."""
 
 MAX_DAMPING = 1e12
