@@ -21,7 +21,6 @@ from rotortrack.localise.lane_math import (
     FIXED,
     LEAST_PIVOT,
     PROFILE_ROWS,
-    SMALLEST_EXPECTATION,
     Scratch,
     factor,
     information,
@@ -31,11 +30,10 @@ from rotortrack.localise.lane_math import (
     solve,
 )
 from rotortrack.localise.lane_results import finish
-from rotortrack.localise.least_squares import SMALLEST_VALUE_OF_LARGEST
+from rotortrack.localise.lane_start import MLE, prepare, start_from_template
 from rotortrack.localise.templates import template
 from rotortrack.localise.vectors import (
     LANES,
-    Vector,
     all_lanes,
     bits,
     larger,
@@ -61,7 +59,6 @@ _NEWTON_BELOW = 10.0
 _SIGMA_BOUNDS_PX = (0.35, 20.0)
 _LEAST_PHOTONS = 1e-3
 
-_LSQ, _WLSQ, _MLE = METHODS["lsq"], METHODS["wlsq"], METHODS["mle"]
 _AT_BOUND = int(FitFlag.AT_BOUND)
 
 
@@ -218,14 +215,16 @@ def _fit(
     step = system[ENTRIES * LANES :]
     state = _scratch(5)
     inverse = _scratch(25)
-    share = 1.0 if method == _MLE else 0.0
+    share = 1.0 if method == MLE else 0.0
     fixed = 0.0 if free_sigma else FIXED
     moving = 1.0 if free_sigma else 0.0
     for batch in range(batches):
         raw = photons[batch * pixels * LANES : (batch + 1) * pixels * LANES]
         spread = variance[batch * pixels * LANES : (batch + 1) * pixels * LANES]
-        count = _prepare(raw, spread, pixels, method, data, noise)
-        _start(raw, spread, pixels, count, filters, curves, least_ratio, largest_ratio, state)
+        count = prepare(raw, spread, pixels, method, data, noise)
+        start_from_template(
+            raw, spread, pixels, count, filters, curves, least_ratio, largest_ratio, state
+        )
         x = load(state, 0)
         y = load(state, 1)
         light = load(state, 2)
@@ -314,7 +313,7 @@ def _fit(
             raw,
             spread,
             noise,
-            method == _MLE,
+            method == MLE,
             correct_bias,
             fixed,
             size,
@@ -337,86 +336,3 @@ def _fit(
         for lane in range(LANES):
             unsettled[batch * LANES + lane] = (left >> lane) & 1 == 0
             flags[batch * LANES + lane] = _AT_BOUND * ((bound >> lane) & 1)
-
-
-@kernel
-def _prepare(
-    raw: Scratch, spread: Scratch, pixels: int, method: int, data: Scratch, noise: Scratch
-) -> Vector:
-    """Fill data and noise such that weights are 1 / (share mu + noise); count usable pixels."""
-    count = all_lanes(0.0)
-    if method == _MLE:
-        for p in range(pixels):
-            v = load(spread, p)
-            count += select(v < np.inf, 1.0, 0.0)
-            store(data, p, larger(load(raw, p), -v))
-            store(noise, p, larger(v, SMALLEST_EXPECTATION))
-        return count
-    largest = all_lanes(0.0)
-    level = all_lanes(0.0)
-    for p in range(pixels):
-        v = load(spread, p)
-        d = load(raw, p)
-        good = v < np.inf
-        count += select(good, 1.0, 0.0)
-        largest = larger(select(good, d, 0.0), largest)
-        level += select(good, larger(d, 0.0) + v, 0.0)
-        store(data, p, d)
-    floor = largest * SMALLEST_VALUE_OF_LARGEST
-    # A constant does not move the optimum; this one makes steps count in standard deviations.
-    level = larger(level / count, 1e-3)
-    for p in range(pixels):
-        good = load(spread, p) < np.inf
-        own = select(floor > 0.0, larger(load(raw, p), floor), np.inf)
-        store(noise, p, select(good, own if method == _WLSQ else level, np.inf))
-    return count
-
-
-@kernel
-def _start(
-    raw: Scratch,
-    spread: Scratch,
-    pixels: int,
-    count: Vector,
-    filters: NDArray[np.float32],
-    curves: NDArray[np.float32],
-    least_ratio: float,
-    largest_ratio: float,
-    state: Scratch,
-) -> None:
-    """Apply the template; a pixel that does not count is taken from opposite the middle."""
-    zero = all_lanes(0.0)
-    t_x = t_y = t_n = t_b = t_s = zero
-    whole = bits(count == float(pixels)) == (1 << LANES) - 1
-    mean = zero
-    if not whole:
-        for p in range(pixels):
-            mean += load(raw, p)
-        mean = mean / count
-    for p in range(pixels):
-        d = load(raw, p)
-        if not whole:
-            opposite = pixels - 1 - p
-            other = select(load(spread, opposite) < np.inf, load(raw, opposite), mean)
-            d = select(load(spread, p) < np.inf, d, other)
-        t_x += d * filters[0, p]
-        t_y += d * filters[1, p]
-        t_n += d * filters[2, p]
-        t_b += d * filters[3, p]
-        t_s += d * filters[4, p]
-    t_n = larger(t_n, 1.0)
-    ratio = smaller(larger(t_s / t_n, least_ratio), largest_ratio)
-    z = ratio / (abs(ratio) + 1.0)
-    sigma = per_photon = per_shift = lift = zero
-    for k in range(curves.shape[1]):
-        power = curves.shape[1] - 1 - k
-        sigma = sigma * z + curves[0, power]
-        per_photon = per_photon * z + curves[1, power]
-        per_shift = per_shift * z + curves[2, power]
-        lift = lift * z + curves[3, power]
-    light = larger(t_n * per_photon, 1.0)
-    store(state, 0, smaller(larger(t_x * per_shift / light, -1.0), 1.0))
-    store(state, 1, smaller(larger(t_y * per_shift / light, -1.0), 1.0))
-    store(state, 2, light)
-    store(state, 3, larger(t_b - lift * t_n, 0.0))
-    store(state, 4, sigma)
