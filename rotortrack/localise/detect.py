@@ -6,14 +6,20 @@ kernels of :mod:`rotortrack.localise.wavelet_rows`; everything else takes whole 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.localise.candidates import frame_maxima, local_maxima
-from rotortrack.localise.noise import measure_noise, noise_of_filtered, tile_noise
+from rotortrack.localise.filtered_noise import (
+    bands_of,
+    filtered_noise,
+    has_quiet_cells,
+    plane_noise,
+    white_noise_gains,
+)
+from rotortrack.localise.noise import measure_noise, tile_noise
 from rotortrack.localise.threshold import Threshold
 from rotortrack.localise.wavelet import Planes, wavelet_planes
 from rotortrack.localise.windows import CameraArrays
@@ -80,29 +86,11 @@ def find_candidates(
     shape = len(counts), int(counts.shape[1]), int(counts.shape[2])
     pixels = counts.reshape(-1)
     offset, gain = _flat_maps(camera, shape[1:])
-    hides, row_hides = masks
-    values: Mapping[str, Any] = {}
-    if threshold.needs:
-        noise, _, variance = measure_noise(
-            pixels,
-            shape,
-            offset,
-            gain,
-            hides,
-            row_hides,
-            taps,
-            quantum_e,
-            all_rows=any(name.startswith(("std", "var")) for name in threshold.needs),
-        )
-        values = {
-            "noise(F1)": noise,
-            "noise(F)": noise * noise_of_filtered(taps.tobytes()),
-            "var(F1)": variance,
-            "std(F1)": np.sqrt(variance),
-        }
+    values = _noises(pixels, shape, offset, gain, masks, taps, threshold.needs, quantum_e)
     limits = np.broadcast_to(threshold.value(values), len(counts)).copy()
     limits[~(limits < np.inf) | absent] = np.inf
     np.maximum(limits, _SMALLEST, out=limits)
+    hides, row_hides = masks
     eight = connectivity == 8
     parts: list[Candidates] = []
     frame, capacity = 0, _FIRST_CAPACITY
@@ -117,6 +105,45 @@ def find_candidates(
     return np.concatenate(parts)
 
 
+def _noises(
+    pixels: NDArray[Any],
+    shape: tuple[int, int, int],
+    offset: NDArray[np.float32],
+    gain: NDArray[np.float32],
+    masks: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    taps: NDArray[np.float32],
+    needs: frozenset[str],
+    quantum_e: float,
+) -> dict[str, NDArray[np.float64]]:
+    """Measure what a streamed threshold needs, each (frame,)."""
+    frames, height, width = shape
+    values: dict[str, NDArray[np.float64]] = {}
+    in_f, in_f1 = white_noise_gains(taps.tobytes())
+    on_f = "noise(F)" in needs and has_quiet_cells(height, width)
+    if on_f:
+        noise = values["noise(F)"] = np.empty(frames)
+        quantum = quantum_e * in_f
+        layout = bands_of(height)
+        filtered_noise(pixels, shape, offset, gain, *masks, taps, layout, quantum, noise)
+    if needs - values.keys():
+        finest, _, variance = measure_noise(
+            pixels,
+            shape,
+            offset,
+            gain,
+            *masks,
+            taps,
+            quantum_e,
+            all_rows=any(name.startswith(("std", "var")) for name in needs),
+        )
+        values["noise(F1)"] = finest
+        values["var(F1)"] = variance
+        values["std(F1)"] = np.sqrt(variance)
+        if not on_f:
+            values["noise(F)"] = finest * (in_f / in_f1)
+    return values
+
+
 def _by_planes(
     counts: NDArray[Any],
     camera: CameraArrays,
@@ -129,6 +156,8 @@ def _by_planes(
     absent: NDArray[np.bool_],
 ) -> Candidates:
     hidden = masks[0].reshape(counts.shape[1:]) if masks[0].size > 1 else None
+    in_f, in_f1 = white_noise_gains(taps.tobytes())
+    on_f = has_quiet_cells(*counts.shape[1:])
     found = []
     for index, frame in enumerate(counts):
         if absent[index]:
@@ -138,10 +167,18 @@ def _by_planes(
             photons[hidden] = np.nan
             photons = _filled(photons[np.newaxis])[0][0]
         planes = _planes(photons, taps)
-        values = {"I": photons, "F": planes.f, "F1": planes.f1, "F2": planes.f2}
+        values: dict[str, Any] = {
+            "I": photons,
+            "F": planes.f,
+            "F1": planes.f1,
+            "F2": planes.f2,
+        }
         if any(name.startswith("noise") for name in threshold.needs):
-            noise = tile_noise(planes.f1, photons, quantum_e)
-            values |= {"noise(F1)": noise, "noise(F)": noise * noise_of_filtered(taps.tobytes())}
+            finest = tile_noise(planes.f1, photons, quantum_e)
+            values["noise(F1)"] = finest
+            values["noise(F)"] = (
+                plane_noise(planes.f, photons, quantum_e * in_f) if on_f else finest * in_f / in_f1
+            )
         limit = max(np.float32(threshold.value(values)), _SMALLEST)
         maxima = local_maxima(planes.f, limit, connectivity, border)
         rows = np.empty((len(maxima), 3), np.int32)

@@ -1,13 +1,11 @@
-"""The noise of a frame, told from its finest wavelet plane.
+"""The noise of a frame in its finest wavelet plane F1 = I - V1.
 
-Spots fill few tiles of a plane, so the median over tiles hardly moves when spots get brighter or
-more. White noise passes the filter with a known gain, so the noise of the filtered plane F follows
-from the noise of F1, where spots reach less far.
+Spots fill few tiles of that plane, so the median over tiles hardly moves when spots get brighter
+or more. Plain mean and variance, spots included, are those of the plugin's own threshold.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
@@ -211,26 +209,3 @@ def tile_noise(
     largest = float(np.abs(photons).max(initial=0.0))
     floor = max(float(_QUANTISATION) * quantum_e, float(_ROUNDING) * largest)
     return max(math.sqrt(typical), floor)
-
-
-@functools.cache
-def noise_of_filtered(taps: bytes) -> float:
-    """Give the standard deviation of white noise in F over that in F1.
-
-    Parameters
-    ----------
-    taps
-        Bytes of the float32 kernel.
-    """
-    kernel = np.frombuffer(taps, np.float32).astype(np.float64)
-    wide = np.zeros(2 * kernel.size - 1)
-    wide[::2] = kernel
-    v1 = np.outer(kernel, kernel)
-    both = np.convolve(kernel, wide)
-    v2 = np.outer(both, both)
-    f = -v2
-    pad = (v2.shape[0] - v1.shape[0]) // 2
-    f[pad : pad + v1.shape[0], pad : pad + v1.shape[1]] += v1
-    f1 = -v1
-    f1[kernel.size // 2, kernel.size // 2] += 1.0
-    return float(np.sqrt(np.sum(f**2) / np.sum(f1**2)))

@@ -165,8 +165,10 @@ def warm_up(draw: Draw | None = None) -> None:
         options = _write_film(folder / "movie.tif")
         for method in (*METHODS, *QUICK_METHODS):
             chosen = {"method": method}
+            # Thresholds of F1 and those that need whole planes have kernels of their own.
+            if method == "lsq":
+                chosen["threshold"] = "std(Wave.F1)"
             if method in QUICK_METHODS:
-                # A threshold that needs whole planes has kernels of its own.
                 chosen["threshold"] = "std(Wave.F)"
             layer = Layer("warm-up", {**options, "localise": chosen})
             run_movie(folder / "movie.tif", [layer], folder / method, draw=draw)
@@ -320,7 +322,7 @@ def _write_film(path: Path) -> dict[str, dict[str, float | int]]:
 
     camera = Camera(offset_adu=100.0, gain_e_per_adu=1.0, read_noise_e=1.0)
     scene = example_scene(
-        ("driven", "brownian"), rng=np.random.default_rng(1), shape_px=(40, 40), n_frames=400
+        ("driven", "brownian"), rng=np.random.default_rng(1), shape_px=(48, 48), n_frames=400
     )
     movie = film(scene, camera, np.random.default_rng(2))
     write_movie(path, movie.blocks(), shape=movie.shape)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rotortrack.cameras.camera import Camera
 from rotortrack.localise.detect import find_candidates
-from rotortrack.localise.noise import measure_noise, noise_of_filtered, tile_noise
+from rotortrack.localise.noise import measure_noise, tile_noise
 from rotortrack.localise.threshold import parse_threshold
 from rotortrack.localise.wavelet import bspline_taps, wavelet_planes
 from rotortrack.localise.windows import camera_arrays
@@ -237,13 +237,6 @@ def test_noise_is_what_the_camera_makes_and_spots_hardly_move_it():
     for photons in (100.0, 800.0, 5000.0):
         crowded = film(np.random.default_rng(18), shape=(256, 256), spots=50, photons=photons)
         assert measured_noise(crowded)[0].mean() == pytest.approx(alone, rel=0.04)
-
-
-def test_the_noise_of_the_filtered_plane_follows_from_the_finest():
-    white = np.random.default_rng(19).normal(0, 3, (400, 400)).astype(np.float32)
-    planes = wavelet_planes(white, TAPS)
-    ratio = planes.f[20:-20, 20:-20].std() / planes.f1[20:-20, 20:-20].std()
-    assert noise_of_filtered(TAPS.tobytes()) == pytest.approx(ratio, rel=0.02)
 
 
 def test_the_streamed_search_keeps_its_vectors():
