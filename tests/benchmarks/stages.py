@@ -120,7 +120,8 @@ def open_camera(path: Path, *, even: bool) -> Camera:
         return Camera(offset_adu=100.0, gain_e_per_adu=0.45, read_noise_e=1.6)
     with np.load(path) as maps:
         values = {name: maps[name] for name in maps.files}
-        return Camera(**values, hot_pixels=hot_pixels_of(values["read_noise_e"]))
+        hot = hot_pixels_of(values["read_noise_e"]) if values["read_noise_e"].ndim else None
+        return Camera(**values, hot_pixels=hot)
 
 
 def measure(folder: Path, name: str, found: Path, *, even: bool) -> dict[str, float]:
