@@ -148,7 +148,7 @@ def warm_up(draw: Draw | None = None) -> None:
 
     Notes
     -----
-    Takes about half a minute when nothing is compiled yet.
+    Takes about a minute when nothing is compiled yet.
     """
     import numpy as np
 
