@@ -121,6 +121,10 @@ class AngleWarning(RotortrackWarning):
     """Angle steps are so wide that the 180-degree rule biases them."""
 
 
+class TraceWarning(RotortrackWarning):
+    """The camera's trigger in a recorded trace and the movie do not quite fit each other."""
+
+
 class KernelCacheWarning(RotortrackWarning):
     """Compiled kernels cannot be kept on disk and are compiled at every start."""
 

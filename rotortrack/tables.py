@@ -146,6 +146,67 @@ DECISIONS = Schema(
     ),
 )
 
+SWITCHES = Schema(
+    "switches",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("switch", "int64", "", "number of the switch within the rotor, from 0"),
+        Column("time_s", "float64", "s", "time of the switch since frame 0", required=True),
+        Column("time_ci_low_s", "float64", "s", "lower end of its 95 % interval"),
+        Column("time_ci_high_s", "float64", "s", "upper end of its 95 % interval"),
+        Column("frame", "int64", "", "frame at that time"),
+        Column("before_rad_s", "float64", "rad/s", "signed speed since the switch before"),
+        Column("before_sd_rad_s", "float64", "rad/s", "its standard deviation"),
+        Column("after_rad_s", "float64", "rad/s", "signed speed until the next switch"),
+        Column("after_sd_rad_s", "float64", "rad/s", "its standard deviation"),
+        Column("change_deg_s", "float64", "deg/s", "speed after less speed before"),
+        Column("change_sd_deg_s", "float64", "deg/s", "its standard deviation"),
+        Column("reverses", "bool", "", "whether both speeds are sure and differ in sign"),
+        Column("statistic", "float64", "", "twice the log-likelihood that the switch explains"),
+        Column("threshold", "float64", "", "value that chance exceeds at the chosen rate"),
+    ),
+)
+
+VOLTAGES = Schema(
+    "voltages",
+    (
+        Column("frame", "int64", "", "frame number, from 0", required=True),
+        Column("exposure_start_s", "float64", "s", "start of the exposure on the trace's clock"),
+        Column("voltage_v", "float64", "V", "mean over the exposure"),
+        Column("voltage_min_v", "float64", "V", "least value in the exposure"),
+        Column("voltage_max_v", "float64", "V", "greatest value in the exposure"),
+        Column("transition", "bool", "", "whether the voltage was not constant, or is not known"),
+        Column("step", "int64", "", "number of the voltage step, -1 in a transition"),
+    ),
+)
+
+VOLTAGE_SPEEDS = Schema(
+    "voltage_speeds",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("step", "int64", "", "number of the voltage step, from 0", required=True),
+        Column("voltage_v", "float64", "V", "mean voltage of the step", required=True),
+        Column("voltage_sd_v", "float64", "V", "standard deviation of its samples"),
+        Column("start_s", "float64", "s", "start of the step since frame 0"),
+        Column("stop_s", "float64", "s", "end of the step since frame 0"),
+        Column("n_frames", "int64", "", "frames of the rotor within the step"),
+        Column("omega_rad_s", "float64", "rad/s", "signed angular speed", required=True),
+        Column("omega_sd_rad_s", "float64", "rad/s", "its standard deviation", required=True),
+        Column("speed_deg_s", "float64", "deg/s", "signed angular speed"),
+        Column("speed_sd_deg_s", "float64", "deg/s", "its standard deviation"),
+    ),
+)
+
+TRACE = Schema(
+    "trace",
+    (
+        Column("time_s", "float64", "s", "time of the sample", required=True),
+        Column("trigger_v", "float64", "V", "exposure output of the camera", required=True),
+        Column("voltage_v", "float64", "V", "voltage across the membrane", required=True),
+    ),
+)
+"""A recorded trace that is read, never written."""
+
 
 def empty(schema: Schema) -> pd.DataFrame:
     """Return a table without rows that has every column of the schema."""

@@ -22,5 +22,8 @@ def draw(result: Result, stages: Stages) -> None:
         mean_image=result.mean_image,
         image_origin_px=region[:2] if region else (0, 0),
         drift_bins=result.drift_bins,
+        switches=result.tables.get("switches"),
+        voltages=result.tables.get("voltages"),
+        voltage_speeds=result.tables.get("voltage_speeds"),
         progress=lambda done, total: stages("figures", done, total),
     )

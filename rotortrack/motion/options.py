@@ -28,3 +28,15 @@ class MotionOptions(Options):
         30.0, "a rotor that neither drifts nor diffuses this far in the movie is stuck", ge=0
     )
     min_steps: int = option(20, "rotors with fewer steps stay unclassified", ge=2)
+    switch_min_s: float = option(
+        0.5, "least time between two switches of speed, s, and from the ends of a track", gt=0
+    )
+    switch_false_alarm: float = option(
+        0.01, "part of the rotors that never switch in which a switch may be found", gt=0, le=0.2
+    )
+    voltage_min_s: float = option(
+        0.2, "shortest stretch of constant voltage in a trace that counts as a step, s", gt=0
+    )
+    daq_first_edge: int = option(
+        0, "edges of the camera's trigger in a trace before the one that began frame 0", ge=0
+    )

@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotortrack.errors import ConfigurationError, InputError
+from rotortrack.exchange.tables import read_info
 from rotortrack.exchange.writer import TableInfo
 from rotortrack.pipeline import stages
-from rotortrack.pipeline.identity import identify, refuse_changed, sha256_of
+from rotortrack.pipeline.identity import describe, identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record, following
 from rotortrack.pipeline.run import Draw, Result, record_found, record_verdicts, stage
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
-from rotortrack.settings import Layer, resolve
+from rotortrack.pipeline.voltage_run import measure_voltages
+from rotortrack.settings import Layer, Settings, resolve
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,13 +86,20 @@ def rotors_from_table(
 
 
 def motion_of_run(
-    path: Path, layers: list[Layer], *, progress: Progress = silent, draw: Draw | None = None
+    path: Path,
+    layers: list[Layer],
+    *,
+    trace: Path | None = None,
+    progress: Progress = silent,
+    draw: Draw | None = None,
 ) -> Result:
     """Measure the motion of the rotors of an existing run folder.
 
-    Options are those of the run, below what the user gives now.
+    Options are those of the run, below what the user gives now. With a recorded trace of camera
+    trigger and voltage, frames get their voltage and rotors a speed at each of them.
     """
     RunFolder.find(path)
+    recorded_trace = None if trace is None else identify(trace)
     record = Record("motion")
     with record.warnings(), RunFolder.claim(path, "motion") as folder:
         RunFolder.open(path)
@@ -109,8 +118,14 @@ def motion_of_run(
                     f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again"
                 )
             moved = stages.move(tables["localisations"], tables["rotors"], settings)
-            tables.update(rotors=moved.rotors, tracks=moved.tracks)
-            written = {name: tables[name] for name in ("rotors", "tracks")}
+            tables.update(rotors=moved.rotors, tracks=moved.tracks, switches=moved.switches)
+            names = ["rotors", "tracks", "switches"]
+            if trace is not None and recorded_trace is not None:
+                record.content["trace"] = describe(recorded_trace, path, sha256_of(recorded_trace))
+                tables.update(_voltages(trace, folder, tables, settings, record))
+                refuse_changed([recorded_trace])
+                names += ["voltages", "voltage_speeds"]
+            written = {name: tables[name] for name in names}
             info = TableInfo(provenance=record.provenance)
             kept = ("localisations", "drift", "decisions")
             unfinished = None if draw is None else "figures"
@@ -121,6 +136,24 @@ def motion_of_run(
                 draw(result)
         folder.note_finished(record)
     return result
+
+
+def _voltages(
+    trace: Path,
+    folder: RunFolder,
+    tables: dict[str, pd.DataFrame],
+    settings: Settings,
+    record: Record,
+) -> dict[str, pd.DataFrame]:
+    """Make the tables that a recorded trace allows."""
+    seen = int(tables["localisations"]["frame"].max()) + 1 if len(tables["localisations"]) else 0
+    n_frames = read_info(folder.path / "localisations.parquet").frames or seen
+    found = measure_voltages(
+        trace, tables["tracks"], tables["rotors"], settings, n_frames=max(n_frames, seen)
+    )
+    for sentence in found.notes:
+        record.note(sentence)
+    return {"voltages": found.voltages, "voltage_speeds": found.speeds}
 
 
 def only(uses: Collection[str], layers: list[Layer]) -> list[Layer]:

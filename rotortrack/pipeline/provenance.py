@@ -153,7 +153,7 @@ class Record:
     @property
     def provenance(self) -> dict[str, Any]:
         """What each table repeats: all that decides its numbers, and nothing that time changes."""
-        keys = ("command", "steps", "versions", "camera_maps", "options", "counts")
+        keys = ("command", "steps", "versions", "camera_maps", "trace", "options", "counts")
         chosen = {key: self.content[key] for key in keys if key in self.content}
         return {**chosen, "inputs": _in_short(self.content["inputs"])}
 

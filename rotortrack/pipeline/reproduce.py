@@ -110,12 +110,16 @@ def reproduce(
     inputs = _inputs(run, manifest, paths)
     layers = _layers(manifest)
     steps = manifest["steps"]
+    recorded = manifest.get("trace")
+    trace = (run / str(recorded.get("path", ""))).resolve() if isinstance(recorded, dict) else None
     if steps[:1] == ["run"]:
         result = run_movie(inputs, layers, target, workers=workers, progress=progress)
+        if trace is not None:
+            result = motion_of_run(target, [], trace=trace, progress=progress)
     else:
         result = rotors_from_table(inputs[0], layers, target, progress=progress)
         if "motion" in steps:
-            result = motion_of_run(target, [], progress=progress)
+            result = motion_of_run(target, [], trace=trace, progress=progress)
     again = RunFolder(target)
     new = again.read_manifest()
     _require_same_hashes(run, _read_files(manifest), _read_files(result.record.content))

@@ -205,6 +205,7 @@ class _Run:
             "rotors": moved.rotors,
             "decisions": found.decisions,
             "tracks": moved.tracks,
+            "switches": moved.switches,
         }
         with self._stage("tables"):
             info = extent(self._source, record.provenance)

@@ -21,6 +21,7 @@ from rotortrack.corrections.quality import passes_quality
 from rotortrack.motion.angles import build_tracks
 from rotortrack.motion.measure import measure_motion
 from rotortrack.motion.screen import screen
+from rotortrack.motion.switch_table import switch_table
 from rotortrack.rotors.find import find_rotors
 from rotortrack.settings import Settings
 
@@ -64,10 +65,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Moved:
-    """Tracks of the rotors, and the rotors with their motion."""
+    """Tracks of the rotors, the rotors with their motion, and their switches of speed."""
 
     tracks: pd.DataFrame
     rotors: pd.DataFrame
+    switches: pd.DataFrame
 
 
 def correct(localisations: pd.DataFrame, settings: Settings, *, pixel_size_nm: float) -> Corrected:
@@ -124,7 +126,7 @@ def find(
 
 
 def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) -> Moved:
-    """Follow each rotor's angle from frame to frame and measure its speed and diffusion."""
+    """Follow each rotor's angle from frame to frame; measure speed, diffusion and switches."""
     movie = settings["movie"]
     tracks = build_tracks(
         localisations,
@@ -139,4 +141,11 @@ def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) 
         frame_interval_s=movie.frame_interval_s,
         exposure_s=movie.exposure_s,
     )
-    return Moved(tracks, measured)
+    switches = switch_table(
+        tracks,
+        measured,
+        settings["motion"],
+        frame_interval_s=movie.frame_interval_s,
+        exposure_s=movie.exposure_s or movie.frame_interval_s,
+    )
+    return Moved(tracks, measured, switches)

@@ -29,13 +29,26 @@ from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
 from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
 from rotortrack.pipeline.provenance import Record, to_toml
-from rotortrack.tables import DECISIONS, DRIFT, LOCALISATIONS, ROTORS, TRACKS, Schema, empty
+from rotortrack.tables import (
+    DECISIONS,
+    DRIFT,
+    LOCALISATIONS,
+    ROTORS,
+    SWITCHES,
+    TRACKS,
+    VOLTAGE_SPEEDS,
+    VOLTAGES,
+    Schema,
+    empty,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-FIGURE_NAME = re.compile(r"(field|speeds|cumulative_angles|msds|drift|rotor-\d{3,})\.(png|svg|pdf)")
+FIGURE_NAME = re.compile(
+    r"(field|speeds|cumulative_angles|msds|drift|voltage|rotor-\d{3,})\.(png|svg|pdf)"
+)
 """Names of the figures that a run draws; other files beside them are the user's."""
 
 MANIFEST, CONFIG, LOG = "run.json", "config.resolved.toml", "log.jsonl"
@@ -363,8 +376,8 @@ def _as_resource_error(path: Path) -> Iterator[None]:
 
 
 def _files(folder: Path, schema: Schema) -> list[Path]:
-    """Name a table's files: Parquet, drift as CSV, and rotors as both for spreadsheets."""
-    endings = {DRIFT.name: ("csv",), ROTORS.name: ("parquet", "csv")}
+    """Name a table's files: Parquet, drift as CSV, and short ones as both for spreadsheets."""
+    endings = {DRIFT.name: ("csv",), **dict.fromkeys(_SHORT, ("parquet", "csv"))}
     return [folder / f"{schema.name}.{ending}" for ending in endings.get(schema.name, ("parquet",))]
 
 
@@ -378,5 +391,10 @@ def _write(path: Path, schema: Schema, table: pd.DataFrame, info: TableInfo) -> 
 
 
 _SCHEMAS: dict[str, Schema] = {
-    schema.name: schema for schema in (LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS)
+    schema.name: schema
+    for schema in (
+        *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
+        *(SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
+    )
 }
+_SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name)

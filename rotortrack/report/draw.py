@@ -23,6 +23,7 @@ from rotortrack.report.figures import (
     msd,
     rotor_sheet,
     speeds,
+    voltage,
 )
 from rotortrack.report.figures import (
     drift as drift_figure,
@@ -47,15 +48,19 @@ def draw_run(
     mean_image: ArrayLike | None = None,
     image_origin_px: tuple[int, int] = (0, 0),
     drift_bins: drift_figure.Bins | None = None,
+    switches: pd.DataFrame | None = None,
+    voltages: pd.DataFrame | None = None,
+    voltage_speeds: pd.DataFrame | None = None,
     max_sheets: int = 100,
     file_format: FileFormat = "png",
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Write all figures of a run into its `figures` folder, each whole or not at all.
 
-    field, speeds, cumulative_angles, msds, drift, then a sheet `rotor-NNN` a rotor: kept rotors
-    first, refused ones after them, up to `max_sheets`. Figures of an earlier run that this one
-    does not have are removed, so that the folder never shows rotors of other tables.
+    field, speeds, cumulative_angles, msds, drift, voltage where there is a trace, then a sheet
+    `rotor-NNN` a rotor: kept rotors first, refused ones after them, up to `max_sheets`. Figures of
+    an earlier run that this one does not have are removed, so that the folder never shows rotors of
+    other tables.
 
     Parameters
     ----------
@@ -70,6 +75,10 @@ def draw_run(
         Mean image of the movie (y, x), its pixel size (nm) and where it starts on the sensor.
     drift_bins
         Frames, dx (nm), dy (nm) of the bins behind the drift.
+    switches
+        Switches of speed, which are marked on the cumulative angles.
+    voltages, voltage_speeds
+        What a recorded trace told of the frames and rotors; the figure `voltage` shows both.
     max_sheets
         Most rotor sheets that are drawn.
     file_format
@@ -113,6 +122,11 @@ def draw_run(
         )
         yield "msds", msd.all_rotors(rotors, curves)
         yield "drift", drift_figure.figure(drift, bins=drift_bins)
+        if voltages is not None and voltage_speeds is not None:
+            yield (
+                "voltage",
+                voltage.figure(voltage_speeds, voltages, frame_interval_s=frame_interval_s),
+            )
         for row in listed:
             number = int(row["rotor"])
             sheet = rotor_sheet.figure(
@@ -121,10 +135,11 @@ def draw_run(
                 of_track.get(number),
                 frame_interval_s=frame_interval_s,
                 msd_curve=curves.get(number),
+                switches=None if switches is None else switches[switches["rotor"] == number],
             )
             yield f"rotor-{number:03d}", sheet
 
-    total = 5 + len(listed)
+    total = 5 + (voltages is not None and voltage_speeds is not None) + len(listed)
     written: list[Path] = []
     for stem, made in figures():
         path = target / f"{stem}.{file_format}"

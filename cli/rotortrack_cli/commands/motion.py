@@ -15,11 +15,20 @@ from rotortrack_cli.stages import Stages
 
 @click.command("motion", cls=StageCommand)
 @click.argument("run", metavar="RUN", type=FILE)
+@click.option(
+    "--daq",
+    type=FILE,
+    metavar="TRACE",
+    help="Recorded trace (.csv: time_s, trigger_v, voltage_v) of camera trigger and voltage.",
+)
 @click.option("--no-figures", is_flag=True, help="Write tables alone.")
 @stage_options("movie.frame_interval_s", "movie.exposure_s", "motion")
 @click.pass_obj
-def command(console: Console, run: Path, no_figures: bool, given: Given) -> None:
-    """Measure angles, speeds, diffusion and behaviour of the rotors in the run folder RUN."""
+def command(console: Console, run: Path, daq: Path | None, no_figures: bool, given: Given) -> None:
+    """Measure angles, speeds, diffusion and behaviour of the rotors in the run folder RUN.
+
+    With --daq every frame gets its voltage and every rotor a speed at each voltage.
+    """
     start = time.perf_counter()
     layers = gather(given)
     from rotortrack.pipeline.folder_runs import motion_of_run
@@ -30,6 +39,7 @@ def command(console: Console, run: Path, no_figures: bool, given: Given) -> None
         result = motion_of_run(
             run,
             layers,
+            trace=daq,
             progress=stages,
             draw=None if no_figures else lambda result: draw(result, stages),
         )

@@ -20,7 +20,13 @@ from rotortrack.units import TURN_RAD
 
 
 @canvas.in_house_style
-def figure(track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> Figure:
+def figure(
+    track: pd.DataFrame,
+    rotor: Row,
+    *,
+    frame_interval_s: float,
+    switches: pd.DataFrame | None = None,
+) -> Figure:
     """Draw one rotor's cumulative angle.
 
     Parameters
@@ -31,18 +37,29 @@ def figure(track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> Figur
         Its row of the rotors table.
     frame_interval_s
         Time from frame to frame (s).
+    switches
+        Its switches of speed, if any.
     """
     made = canvas.new_figure(6.4, 3.6)
     canvas.heading(made, words.wrap(words.title(rotor), 75, 2), 0.2)
-    draw(canvas.place(made, 0.8, 0.55, 4.8, 2.4), track, rotor, frame_interval_s=frame_interval_s)
+    axes = canvas.place(made, 0.8, 0.55, 4.8, 2.4)
+    draw(axes, track, rotor, frame_interval_s=frame_interval_s, switches=switches)
     return made
 
 
-def draw(axes: Axes, track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> None:
+def draw(
+    axes: Axes,
+    track: pd.DataFrame,
+    rotor: Row,
+    *,
+    frame_interval_s: float,
+    switches: pd.DataFrame | None = None,
+) -> None:
     """Draw one rotor's cumulative angle into axes, revolutions at the left, degrees at the right.
 
     Positive is counter-clockwise on the displayed image. The dashed line has the measured speed as
-    its slope.
+    its slope; where the rotor switches, its pieces have the slopes of the segments, and each switch
+    is marked with its 95 % interval.
     """
     axes.set_xlabel("time (s)")
     axes.set_ylabel("revolutions")
@@ -53,7 +70,15 @@ def draw(axes: Axes, track: pd.DataFrame, rotor: Row, *, frame_interval_s: float
     axes.plot(*canvas.thin(time, turns), color=style.behaviour(rotor.get("behaviour")).colour)
     speed, _ = words.rev_per_s(rotor)
     _frame(axes, time[-1], turns)
-    if math.isfinite(speed):
+    if switches is not None and len(switches):
+        _draw_switches(axes, time, turns, switches)
+        axes.legend(
+            loc="upper right" if turns[-1] < 0 else "lower right",
+            frameon=True,
+            framealpha=0.85,
+            edgecolor="none",
+        )
+    elif math.isfinite(speed):
         limits = axes.get_ylim()
         ends = time[[0, -1]]
         line = turns.mean() + speed * (ends - time.mean())
@@ -107,6 +132,29 @@ def all_rotors(
     ]
     made.legend(handles=handles, loc="upper left", bbox_to_anchor=(6.85 / 9.3, 4.6 / 5.0))
     return made
+
+
+def _draw_switches(axes: Axes, time: Floats, turns: Floats, switches: pd.DataFrame) -> None:
+    """Mark switch times with their intervals, and draw each segment's speed through its middle."""
+    switches = switches.sort_values("time_s")
+    at = switches["time_s"].to_numpy(np.float64)
+    for low, high in zip(switches["time_ci_low_s"], switches["time_ci_high_s"], strict=True):
+        axes.axvspan(low, high, color=style.ORANGE, alpha=0.3, lw=0, zorder=0)
+    marks = axes.vlines(
+        at, 0, 1, transform=axes.get_xaxis_transform(), color=style.ORANGE, lw=0.9, zorder=1
+    )
+    marks.set_label("switch, 95 % interval")
+    limits = axes.get_ylim()
+    ends = np.concatenate([time[:1], at, time[-1:]])
+    rates = np.append(switches["before_rad_s"], switches["after_rad_s"].iloc[-1:]) / TURN_RAD
+    for k, rate in enumerate(rates):
+        here = (time >= ends[k]) & (time <= ends[k + 1])
+        if here.any():
+            segment = ends[k : k + 2]
+            line = turns[here].mean() + rate * (segment - time[here].mean())
+            label = None if k else "measured speeds"
+            axes.plot(segment, line, "--", color=style.INK, lw=0.9, label=label)
+    axes.set_ylim(limits)
 
 
 def _trace(track: pd.DataFrame, frame_interval_s: float) -> tuple[Floats, Floats]:

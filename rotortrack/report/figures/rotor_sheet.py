@@ -19,6 +19,7 @@ def figure(
     *,
     frame_interval_s: float,
     msd_curve: msd.Curve | None = None,
+    switches: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw the page of one rotor; without angles (refused, no circle) the heatmap alone.
 
@@ -34,6 +35,8 @@ def figure(
         Time from frame to frame (s).
     msd_curve
         `msd.curve(track, frame_interval_s)` if the caller has it already.
+    switches
+        Its switches of speed, if any.
     """
     if track is None or not np.isfinite(track["cumulative_rad"].to_numpy(np.float64)).any():
         return heatmap.figure(localisations, rotor)
@@ -41,7 +44,7 @@ def figure(
     canvas.heading(made, words.wrap(words.title(rotor), 120, 2), 0.3)
     heatmap.draw(canvas.place(made, 0.85, 4.45, 2.75, 2.75), localisations, rotor, track)
     angle = canvas.place(made, 5.2, 4.4, 4.3, 2.8)
-    cumulative_angle.draw(angle, track, rotor, frame_interval_s=frame_interval_s)
+    cumulative_angle.draw(angle, track, rotor, frame_interval_s=frame_interval_s, switches=switches)
     points = msd.curve(track, frame_interval_s) if msd_curve is None else msd_curve
     msd.draw(canvas.place(made, 0.85, 0.6, 3.4, 2.75), points, rotor)
     step_sizes.draw(canvas.place(made, 5.2, 0.6, 4.3, 2.75), track, rotor)
