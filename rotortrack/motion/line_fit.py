@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
+from scipy import stats
 
 Floats = NDArray[np.float64]
 
-_ANGLES = 181
 _FEWEST_POINTS = 3
-_SCATTER_ALARM = 0.05
+_ROUNDS = 4
 _MOST_SHARE = 0.8
+_LEAST_SPREAD = 3.0
+"""Standard deviations by which x must scatter beyond its errors before it tells a slope."""
 
 
 @dataclass(frozen=True)
@@ -26,18 +26,18 @@ class LineFit:
     n
         Points used.
     slope, slope_sd
-        Of the line through the origin.
+        Of the line through the origin; nan where x does not differ from 0 beyond its errors.
     free_slope, free_slope_sd, intercept, intercept_sd
-        Of the free line.
+        Of the free line; nan where x is the same for all points within its errors.
     scatter
-        Factor by which points scatter about the free line beyond what their errors say; 1 where
-        chance explains it (5 %). Where it is above 1, errors and tests are of what is seen.
+        Root-mean-square distance from the line through the origin, in units of the points' errors:
+        about 1 where these explain it, more where rotors differ.
     ratio
         Slope of the line that is tested.
     p_slope
         Probability of a slope through the origin at least as far from `ratio`, were it true.
     p_line
-        The same of a free line, in slope and intercept together.
+        The same of slope and intercept together.
     p_errors
         Probability of so much scatter about ``y = ratio x`` from the points' errors alone.
     """
@@ -57,12 +57,14 @@ class LineFit:
 
 
 def fit_line(x: Floats, x_sd: Floats, y: Floats, y_sd: Floats, *, ratio: float) -> LineFit:
-    """Fit lines by least ``sum (y - a - b x)^2 / (y_sd^2 + b^2 x_sd^2)``.
+    """Fit lines whose slopes the errors of x do not flatten and the scatter of y does not steepen.
 
-    Ordinary least squares would take the errors of x for a flatter slope. Where points scatter more
-    than their errors say, as rotors of different build do, errors and tests come from the scatter
-    that is seen, which may grow with speed: 2 % of precision is not claimed where rotors differ by
-    20 %.
+    With weights ``w = 1 / (y_sd^2 + slope^2 x_sd^2)`` the slope through the origin is
+    ``sum(w x y) / sum(w (x^2 - x_sd^2))``, the free line likewise: where errors alone make points
+    stray it is as good as the least squares of Deming and York, which take scatter beyond the
+    errors, as rotors of different build have it, for a steeper line. Standard deviations come from
+    how much each point pulls at the line, so that they hold with such scatter, too. The tests ask
+    whether those pulls at the tested line are zero on average (Student's t, Hotelling's T^2).
 
     Parameters
     ----------
@@ -78,125 +80,86 @@ def fit_line(x: Floats, x_sd: Floats, y: Floats, y_sd: Floats, *, ratio: float) 
 
     Notes
     -----
-    Sources: Deming (1943); York et al., Am. J. Phys. 72, 367 (2004).
+    Sources: Fuller, Measurement Error Models (1987), 3.1; White, Econometrica 48, 817 (1980).
     """
     good = np.isfinite(x) & np.isfinite(y) & (x_sd > 0.0) & (y_sd > 0.0)
     good &= np.isfinite(x_sd) & np.isfinite(y_sd)
-    x, y, x_variance, y_variance = x[good], y[good], x_sd[good] ** 2, y_sd[good] ** 2
+    points = _Points(x[good], y[good], x_sd[good] ** 2, y_sd[good] ** 2)
+    n = int(good.sum())
     nan = float("nan")
-    if x.size < _FEWEST_POINTS:
-        return LineFit(x.size, *(nan,) * 7, ratio, *(nan,) * 3)
-
-    def weight(slope: float) -> Floats:
-        return 1.0 / (y_variance + slope**2 * x_variance)
-
-    def offset(slope: float) -> float:
-        return float(np.average(y - slope * x, weights=weight(slope)))
-
-    def squares(slope: float, intercept: float) -> float:
-        return float(weight(slope) @ (y - intercept - slope * x) ** 2)
-
-    # The angle of the line instead of its slope: steep lines are no special case.
-    unit = float(np.sqrt(y_variance.mean() / x_variance.mean()))
-    through = _least(lambda slope: squares(slope, 0.0), unit)
-    free = _least(lambda slope: squares(slope, offset(slope)), unit)
-    intercept = offset(free)
-    freedom = x.size - 2
-    residual = squares(free, intercept)
-    by_chance = stats.chi2.sf(residual, freedom) > _SCATTER_ALARM
-    scatter = 1.0 if by_chance else float(np.sqrt(residual / freedom))
-    on_line = squares(ratio, 0.0)
-    if by_chance:
-        slope_sd = _curvature_sd(lambda slope: squares(slope, 0.0), through)
-        free_sd = _curvature_sd(lambda slope: squares(slope, offset(slope)), free)
-        lever = float(np.average(x, weights=weight(free)))
-        intercept_sd = float(np.sqrt(1.0 / weight(free).sum() + (lever * free_sd) ** 2))
-        p_slope = float(stats.chi2.sf(max(on_line - squares(through, 0.0), 0.0), 1))
-        p_line = float(stats.chi2.sf(max(on_line - residual, 0.0), 2))
-    else:
-
-        def each(at: Floats) -> Floats:
-            intercept = at[1] if at.size == 2 else 0.0
-            half: Floats = 0.5 * weight(float(at[0])) * (y - intercept - at[0] * x) ** 2
-            return half
-
-        unit_y = float(np.sqrt(y_variance.mean()))
-        one, sure = _as_seen(each, np.array([through]), np.array([unit]))
-        both, both_sure = _as_seen(each, np.array([free, intercept]), np.array([unit, unit_y]))
-        slope_sd, free_sd, intercept_sd = np.sqrt([one[0, 0], both[0, 0], both[1, 1]]).tolist()
-        away = np.array([free - ratio, intercept])
-        p_slope = float(2.0 * stats.t.sf(abs(through - ratio) / slope_sd, sure))
-        p_line = float(stats.f.sf(0.5 * away @ np.linalg.solve(both, away), 2, both_sure))
+    if n < _FEWEST_POINTS:
+        return LineFit(n, *(nan,) * 7, ratio, *(nan,) * 3)
+    (slope, _), through = points.solve(free=False)
+    (free, intercept), both = points.solve(free=True)
+    line = slope if np.isfinite(slope) else ratio
+    on_line = points.squares(ratio)
     return LineFit(
-        n=x.size,
-        slope=through,
-        slope_sd=slope_sd,
+        n=n,
+        slope=slope,
+        slope_sd=float(np.sqrt(through[0, 0])),
         free_slope=free,
-        free_slope_sd=free_sd,
+        free_slope_sd=float(np.sqrt(both[0, 0])),
         intercept=intercept,
-        intercept_sd=intercept_sd,
-        scatter=scatter,
+        intercept_sd=float(np.sqrt(both[-1, -1])),
+        scatter=float(np.sqrt(points.squares(line) / (n - 1))),
         ratio=ratio,
-        p_slope=p_slope,
-        p_line=p_line,
-        p_errors=float(stats.chi2.sf(on_line, x.size)),
+        p_slope=points.chance(ratio, terms=1),
+        p_line=points.chance(ratio, terms=2),
+        p_errors=float(stats.chi2.sf(on_line, n)),
     )
 
 
-def _as_seen(each: Callable[[Floats], Floats], best: Floats, unit: Floats) -> tuple[Floats, float]:
-    """Covariance of a fit from how much each point pulls at it, whatever made it stray.
+@dataclass(frozen=True)
+class _Points:
+    x: Floats
+    y: Floats
+    x_variance: Floats
+    y_variance: Floats
 
-    The sandwich of White (1980), each pull divided by one less the point's share of the
-    information as a jackknife would. `each` gives the half squares of every point. Where few points
-    make up most of the covariance, it has few degrees of freedom, which come second.
-    """
-    step = 1e-3 * unit
-    shift = np.diag(step)
-    size = best.size
-    pull = np.stack(
-        [(each(best + shift[a]) - each(best - shift[a])) / (2.0 * step[a]) for a in range(size)]
-    )
-    bend = np.empty((size, size, pull.shape[1]))
-    for a in range(size):
-        for b in range(size):
-            corners = [
-                sign * each(best + first * shift[a] + second * shift[b])
-                for first, second, sign in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-            ]
-            bend[a, b] = sum(corners) / (4.0 * step[a] * step[b])
-    inverse = np.linalg.inv(bend.sum(axis=2))
-    share = np.clip(np.einsum("ab,ban->n", inverse, bend), 0.0, _MOST_SHARE)
-    pull = pull / (1.0 - share)
-    covariance: Floats = inverse @ (pull @ pull.T) @ inverse
-    parts = (inverse[0] @ pull) ** 2
-    return covariance, float(parts.sum() ** 2 / (parts @ parts))
+    def weight(self, slope: float) -> Floats:
+        weight: Floats = 1.0 / (self.y_variance + slope**2 * self.x_variance)
+        return weight
 
+    def squares(self, slope: float) -> float:
+        return float(self.weight(slope) @ (self.y - slope * self.x) ** 2)
 
-def _least(squares: Callable[[float], float], unit: float) -> float:
-    """Find the slope of least squares, first on a grid of angles."""
+    def pulls(self, slope: float, intercept: float, weight: Floats) -> Floats:
+        """Pull of each point at the slope and at the intercept, shape (2, n), 0 on average."""
+        strayed = self.y - intercept - slope * self.x
+        return np.stack([weight * (strayed * self.x + slope * self.x_variance), weight * strayed])
 
-    def at(angle: float) -> float:
-        return squares(unit * float(np.tan(angle)))
+    def solve(self, *, free: bool) -> tuple[tuple[float, float], Floats]:
+        """Find slope and intercept at which the pulls cancel, and their covariance."""
+        terms = 2 if free else 1
+        unknown = (float("nan"), float("nan")), np.full((terms, terms), np.nan)
+        slope = float(np.sqrt(np.mean(self.y**2) / np.mean(self.x**2)))
+        for _ in range(_ROUNDS):
+            weight = self.weight(slope)
+            square = weight * (self.x**2 - self.x_variance)
+            each = np.array([[square, weight * self.x], [weight * self.x, weight]])[:terms, :terms]
+            middle = np.average(self.x, weights=weight) if free else 0.0
+            spread = weight * ((self.x - middle) ** 2 - self.x_variance)
+            by_errors = np.sqrt(2.0 * np.sum((weight * self.x_variance) ** 2))
+            if not spread.sum() > _LEAST_SPREAD * by_errors:
+                return unknown
+            told = np.stack([weight * self.x * self.y, weight * self.y])[:terms].sum(axis=1)
+            inverse = np.linalg.inv(each.sum(axis=2))
+            found = inverse @ told
+            slope = float(found[0])
+        intercept = float(found[1]) if free else 0.0
+        share = np.clip(np.einsum("ab,ban->n", inverse, each), 0.0, _MOST_SHARE)
+        # As a jackknife does: a point that leads the line strays less from it than from the truth.
+        pulls = self.pulls(slope, intercept, weight)[:terms] / (1.0 - share)
+        covariance: Floats = inverse @ (pulls @ pulls.T) @ inverse
+        return (slope, intercept), covariance
 
-    edge = 0.5 * np.pi - 1e-6
-    grid = np.linspace(-edge, edge, _ANGLES)
-    best = int(np.argmin([at(angle) for angle in grid]))
-    around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    found = optimize.minimize_scalar(at, bounds=around, method="bounded", options={"xatol": 1e-10})
-    return unit * float(np.tan(found.x))
-
-
-def _curvature_sd(squares: Callable[[float], float], slope: float) -> float:
-    """Give the standard deviation of a slope from how squares grow beside their least value."""
-    least = squares(slope)
-    step = 1e-3 * max(abs(slope), 1e-3)
-    for _ in range(60):
-        # Wide enough to be far above rounding, near enough to be a parabola.
-        growth = 0.5 * (squares(slope + step) + squares(slope - step)) - least
-        if growth > 0.05:
-            break
-        step *= 1.5
-    while growth > 0.2:
-        step *= 0.7
-        growth = 0.5 * (squares(slope + step) + squares(slope - step)) - least
-    return float(step / np.sqrt(growth)) if growth > 0.0 else float("inf")
+    def chance(self, ratio: float, *, terms: int) -> float:
+        """Probability of pulls at ``y = ratio x`` at least as far from zero by chance."""
+        n = self.x.size
+        if n <= terms + 1:
+            return float("nan")
+        pulls = self.pulls(ratio, 0.0, self.weight(ratio))[:terms]
+        mean = pulls.mean(axis=1)
+        spread = np.atleast_2d(np.cov(pulls))
+        squared = n * float(mean @ np.linalg.solve(spread, mean))
+        return float(stats.f.sf(squared * (n - terms) / (terms * (n - 1)), terms, n - terms))

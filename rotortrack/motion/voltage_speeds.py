@@ -53,11 +53,13 @@ class StepChange:
     def sentence(self) -> str:
         """Say it in words."""
         line = self.line
+        factor = f"{line.slope:.3g} +- {line.slope_sd:.2g}"
+        if not np.isfinite(line.slope):
+            factor = "unknown size, too few turn fast enough"
         return (
             f"from {self.before_v:.3g} V to {self.after_v:.3g} V the speeds of {line.n} rotor(s) "
-            f"change by a factor of {line.slope:.3g} +- {line.slope_sd:.2g} (expected "
-            f"{line.ratio:.3g}: p = {line.p_slope:.2g}; slope and intercept free: "
-            f"p = {line.p_line:.2g})"
+            f"change by a factor of {factor} (expected {line.ratio:.3g}: p = {line.p_slope:.2g}; "
+            f"with an intercept: p = {line.p_line:.2g})"
         )
 
 

@@ -44,7 +44,7 @@ def figure(
     canvas.heading(made, f"Voltage and speed of {words.count(number, 'rotor')}", 0.2)
     _draw_voltage(strip, voltages, frame_interval_s)
     changes = step_changes(voltage_speeds)
-    tested = [change for change in changes if math.isfinite(change.line.slope)]
+    tested = [change for change in changes if math.isfinite(change.line.p_slope)]
     # The change that most rotors show is the one of interest; among equals the first.
     draw_change(scatter, voltage_speeds, max(tested, key=lambda c: c.line.n, default=None))
     _draw_speeds(lines, voltage_speeds)
@@ -88,15 +88,14 @@ def draw_change(axes: Axes, voltage_speeds: pd.DataFrame, change: StepChange | N
     shown = axes.get_ylim()
     factor = words.minus(f"{line.ratio:.3g}")
     axes.plot(ends, line.ratio * ends, "--", color=style.INK, lw=0.9, label=f"v₂ = {factor} v₁")
-    fitted = words.plus_minus(line.slope, line.slope_sd, "")
-    axes.plot(
-        ends, line.slope * ends, color=style.VERMILLION, lw=1.0, label=f"v₂ = ({fitted}) v₁, fitted"
-    )
+    if math.isfinite(line.slope):
+        fitted = f"v₂ = ({words.plus_minus(line.slope, line.slope_sd, '')}) v₁, fitted"
+        axes.plot(ends, line.slope * ends, color=style.VERMILLION, lw=1.0, label=fitted)
     axes.set_ylim(shown)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(6))
     axes.set_title(f"p = {line.p_slope:.2g} for the dashed line, {words.count(line.n, 'rotor')}")
-    axes.legend(loc="lower right" if line.slope > 0 else "upper right")
+    axes.legend(loc="lower right" if line.ratio > 0 else "upper right")
 
 
 def _draw_voltage(axes: Axes, voltages: pd.DataFrame, frame_interval_s: float) -> None:
