@@ -15,6 +15,7 @@ from rotortrack.motion.likelihood import (
     Fit,
     drift_p,
     freedom,
+    profile_rise,
     quantile,
 )
 from rotortrack.motion.linear import speed_information
@@ -62,6 +63,9 @@ class Grid:
 
     def log_densities(self, pace: Pace) -> Floats:
         """Log density of each reading given those before it."""
+        return self._filter(pace)[0]
+
+    def _filter(self, pace: Pace) -> tuple[Floats, Floats]:
         seen = self.seen
         dt = self.timing.frame_interval_s
         sharpness = self.concentration(pace)
@@ -82,6 +86,27 @@ class Grid:
             reach.astype(np.int64),
             self.size,
         )
+
+    def residuals(self, pace: Pace) -> tuple[Floats, Floats]:
+        """Standardised deviation of each reading from its prediction, and the direction predicted.
+
+        The sine of the angle between both, over its standard deviation: of mean zero, of variance
+        one and uncorrelated whatever the widths of noise and steps.
+        """
+        _, (cos_1, sin_1, cos_2, sin_2) = self._filter(pace)
+        sharpness = self.concentration(pace)
+        length = resultant(sharpness)
+        turn = self.timing.step_variance(pace.diffusion_rad2_s)
+        first = cos_1 + 1j * sin_1
+        # The reading lies about the middle of the interval's ends, a quarter of the turn's variance
+        # from its start.
+        second = (cos_2 + 1j * sin_2) * (1.0 - 2.0 * length / sharpness) * np.exp(-0.5 * turn)
+        ahead = np.angle(first)
+        offset = self.seen.frame - self.seen.frame[0]
+        drift = pace.omega_rad_s * self.timing.frame_interval_s * offset
+        variance = 0.5 * (1.0 - (second * np.exp(-2j * ahead)).real)
+        deviation = np.sin(self.seen.theta_rad - drift - ahead)
+        return deviation / np.sqrt(variance), ahead + drift
 
     def false_readings(self, pace: Pace) -> NDArray[np.bool_]:
         """Find readings that are likelier a spot anywhere than the rotor."""
@@ -141,11 +166,11 @@ def resultant(concentration: Floats) -> Floats:
 def inverse_resultant(length: Floats) -> Floats:
     """Concentration of a von Mises distribution by its mean resultant length.
 
-    Banerjee's approximation and two steps of Newton: to 1e-9.
+    The usual approximation and three steps of Newton: the length is met to 1e-8.
     """
     length = np.clip(length, 1e-9, 1.0 - 1e-12)
     found = length * (2.0 - length**2) / (1.0 - length**2)
-    for _ in range(2):
+    for _ in range(3):
         now = resultant(found)
         found = found - (now - length) / (1.0 - now**2 - now / found)
     return found
@@ -194,9 +219,10 @@ def fit_circular(
     omega = float(maximum.point[0])
     slope = maximum.covariance[:, 0] / maximum.covariance[0, 0]
     at_rest = 2.0 * (maximum.value - objective(maximum.point - slope * omega))
-    low, high = 0.0, float(np.exp(profile_end(objective, maximum, 1, limit, 1.0)))
+    rise = profile_rise(degrees)
+    low, high = 0.0, float(np.exp(profile_end(objective, maximum, 1, rise, 1.0)))
     if relative_sd <= IDENTIFIED:
-        low = float(np.exp(profile_end(objective, maximum, 1, limit, -1.0)))
+        low = float(np.exp(profile_end(objective, maximum, 1, rise, -1.0)))
     fit = Fit(
         omega_rad_s=omega,
         omega_sd_rad_s=float(maximum.sd[0]),

@@ -34,6 +34,7 @@ WIDE_NOISE_RAD = 0.3
 _WRAPPED_SHARE = 2e-5
 _OUTLYING_SD = 6.0
 _LEAST_READINGS = 10
+_CAUTIOUS = 0.4
 
 
 class Reason(Enum):
@@ -178,16 +179,21 @@ def estimate_motion(
     circular = fit_circular(seen, timing, [start, _pace(linear.fit)], prior) if on_circle else None
     fit = circular.fit if circular else linear.fit
     pace = _pace(fit)
-    false = circular.grid.false_readings(pace) if circular else np.zeros(len(seen), bool)
-    true = seen.where(~false)
-    strayed, innovation, variance = unwrap(true, timing, pace)
-    white = whiteness(innovation, variance, true.theta_rad)
+    false = np.zeros(len(seen), np.bool_)
+    if circular:
+        false = circular.grid.false_readings(pace)
+        deviation, ahead = circular.grid.residuals(pace)
+        white = whiteness(deviation[1:][~false[1:]], ahead[1:][~false[1:]])
+    else:
+        strayed, innovation, variance = unwrap(seen, timing, pace)
+        ahead = seen.theta_rad - innovation
+        white = whiteness((innovation / np.sqrt(variance))[1:], ahead[1:])
     uneven = white.p < white_p and fit.diffusion_rad2_s > 0.0
     if uneven:
         fit = _resample(fit, seen, timing, circular, seed)
     if fit.one_sided:
         # A D that is hardly known, were it too small, would make positions look too certain.
-        cautious = 0.5 * fit.diffusion_interval_rad2_s[1]
+        cautious = _CAUTIOUS * fit.diffusion_interval_rad2_s[1]
         pace = replace(pace, diffusion_rad2_s=max(pace.diffusion_rad2_s, cautious))
     if circular:
         moments = smooth_on_circle(circular.grid, pace)

@@ -148,8 +148,8 @@ def filter_densities(
     gap_turns: Floats,
     gap_reach: Integers,
     size: int,
-) -> Floats:
-    """Log density of each reading given those before it.
+) -> tuple[Floats, Floats]:
+    """Log density of each reading given those before it, and where the rotor was before it.
 
     Parameters
     ----------
@@ -161,12 +161,20 @@ def filter_densities(
         Weights of turns in 1, 2, ... frames on the circle, -size/2..size/2, and how far they reach.
     size
         Angles of the grid, a multiple of four.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Log densities.
+    ndarray, shape (4, n)
+        Mean of cos, sin, cos of twice and sin of twice the angle at the start of the interval.
     """
     before = np.full(3 * size, 1.0 / size)
     after = np.empty(size)
     whole, half = np.empty(3 * size), np.empty(3 * size)
     cosine, sine = _circle(size)
     found = np.empty(theta.size)
+    moments = np.zeros((4, theta.size))
     for k in range(theta.size):
         left = missed[k]
         while left > 0:
@@ -174,10 +182,16 @@ def filter_densities(
             left -= now
             _blind_step(before, after, gap_turns[now - 1], gap_reach[now - 1])
             _normalise(after, before)
+        for a in range(size):
+            p, c, s = before[size + a], cosine[0, a], sine[0, a]
+            moments[0, k] += p * c
+            moments[1, k] += p * s
+            moments[2, k] += p * (c * c - s * s)
+            moments[3, k] += p * 2.0 * c * s
         _reading(theta[k], concentration[k], norm[k], cosine, sine, whole, half)
         _seen_step(before, after, turns, whole, half)
         found[k] = np.log(_normalise(after, before))
-    return found
+    return found, moments
 
 
 @kernel

@@ -66,10 +66,10 @@ def quantile(degrees: float) -> float:
 
 
 def profile_rise(degrees: float) -> float:
-    """Rise of the deviance at the ends of omega's interval where D follows omega.
+    """Rise of the deviance at the ends of an interval, the other parameters following.
 
     That of a normal mean whose variance is estimated with f degrees of freedom,
-    ``f log(1 + t^2 / f)``.
+    ``f log(1 + t^2 / f)``; 3.84 for many and 5.1 for one of them.
     """
     return degrees * math.log1p(quantile(degrees) / degrees)
 

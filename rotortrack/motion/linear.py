@@ -22,7 +22,6 @@ from rotortrack.motion.likelihood import (
     drift_p,
     freedom,
     profile_rise,
-    quantile,
     student_square,
 )
 from rotortrack.motion.optimum import crossing
@@ -317,7 +316,7 @@ class _Profiles:
         least = self._speed_deviance(omega)
         limit = profile_rise(degrees) + least
         at_rest = self._speed_deviance(-reference) - least
-        d_low, d_high = self._diffusion_limits(diffusion, quantile(degrees))
+        d_low, d_high = self._diffusion_limits(diffusion, profile_rise(degrees))
         ends = [
             crossing(lambda v: self._speed_deviance(v) - limit, omega, side * sd)
             for side in (-1.0, 1.0)

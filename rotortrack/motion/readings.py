@@ -67,12 +67,6 @@ class Readings:
     def __len__(self) -> int:
         return self.frame.size
 
-    def where(self, kept: NDArray[np.bool_]) -> Readings:
-        """Leave out all others."""
-        return Readings(
-            self.frame[kept], self.theta_rad[kept], self.distance_nm[kept], self.concentration[kept]
-        )
-
 
 @dataclass(frozen=True)
 class Pace:

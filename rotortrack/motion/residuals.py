@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import stats
 
 Floats = NDArray[np.float64]
 
@@ -15,9 +15,8 @@ _LAGS = 20
 _SLOW_WAVES = 16
 _HARMONICS = 4
 _LEAST_READINGS = 100
-_LAPS = 2.0 * np.pi * np.arange(-3, 4)
 _BLOCKS = (40, 20, 10)
-_SAMPLES = 4000
+_SAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -48,29 +47,26 @@ class Whiteness:
         return min(1.0, 4.0 * min(self.lag_p, self.slow_p, self.spread_p, self.angle_p))
 
 
-def whiteness(innovation: Floats, variance: Floats, theta_rad: Floats) -> Whiteness:
+def whiteness(deviation: Floats, ahead_rad: Floats) -> Whiteness:
     """Test the deviations of readings from their predictions by those before.
 
     Parameters
     ----------
-    innovation, variance
-        Deviations, wrapped to (-pi, pi], and their variances; the first is not used.
-    theta_rad
-        Directions of the readings.
+    deviation
+        Deviations over their standard deviations.
+    ahead_rad
+        Directions predicted.
 
     Returns
     -------
     Whiteness
         All ones for fewer than 100 readings.
     """
-    if innovation.size < _LEAST_READINGS:
+    if deviation.size < _LEAST_READINGS:
         return Whiteness(1.0, 1.0, 1.0, 1.0)
-    scores = normal_scores(innovation[1:], variance[1:])
-    scores = (scores - scores.mean()) / scores.std()
+    scores = (deviation - deviation.mean()) / deviation.std()
     power = np.abs(np.fft.rfft(scores)[1 : _SLOW_WAVES + 1]) ** 2 / scores.size
-    # The predicted direction, of which the innovation is independent.
-    ahead = theta_rad[1:] - innovation[1:]
-    orders = np.arange(1, _HARMONICS + 1)[:, np.newaxis] * ahead
+    orders = np.arange(1, _HARMONICS + 1)[:, np.newaxis] * ahead_rad
     waves = np.concatenate([np.cos(orders), np.sin(orders)])
     waves -= waves.mean(axis=1, keepdims=True)
     values, vectors = np.linalg.eigh(waves @ waves.T / scores.size)
@@ -84,15 +80,6 @@ def whiteness(innovation: Floats, variance: Floats, theta_rad: Floats) -> Whiten
         spread_p=_ljung_box(squares - squares.mean()),
         angle_p=float(stats.chi2.sf(along.sum(), np.count_nonzero(visited))),
     )
-
-
-def normal_scores(innovation: Floats, variance: Floats) -> Floats:
-    """Give standard normal values of the same rank as wrapped-normal deviations."""
-    sd = np.sqrt(variance)[:, np.newaxis]
-    below = special.ndtr((innovation[:, np.newaxis] + _LAPS) / sd)
-    rank = (below - special.ndtr((_LAPS - np.pi) / sd)).sum(axis=1)
-    scores: Floats = special.ndtri(np.clip(rank, 1e-10, 1.0 - 1e-10))
-    return scores
 
 
 def _ljung_box(values: Floats) -> float:
