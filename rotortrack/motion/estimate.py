@@ -30,7 +30,7 @@ from rotortrack.motion.residuals import Whiteness, block_bootstrap, whiteness
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-WIDE_NOISE_RAD = 0.3
+WIDE_NOISE_RAD = 0.4
 _WRAPPED_SHARE = 2e-5
 _OUTLYING_SD = 6.0
 _LEAST_READINGS = 10
@@ -223,7 +223,7 @@ def _pace(fit: Fit) -> Pace:
 
 
 def _noise_sd(fit: Fit, seen: Readings) -> float:
-    return math.sqrt(fit.noise_factor * float(np.median(1.0 / seen.concentration)))
+    return math.sqrt(fit.noise_factor * float(np.median(seen.noise_rad2)))
 
 
 def _reason(linear: LinearFit, seen: Readings) -> Reason:

@@ -156,7 +156,7 @@ def unwrap(seen: Readings, timing: Timing, pace: Pace) -> tuple[Floats, Floats, 
     return _unwrap(
         seen.theta_rad - _drift(seen, timing, pace.omega_rad_s),
         np.diff(seen.frame),
-        pace.noise_factor / seen.concentration,
+        pace.noise_factor * seen.noise_rad2,
         timing.step_variance(pace.diffusion_rad2_s),
         _extra(timing, pace.diffusion_rad2_s),
     )
@@ -174,7 +174,7 @@ def speed_information(seen: Readings, timing: Timing, diffusion: float, factor: 
     """Information about omega, (rad/s)^-2, where D and the factor on the noise are known."""
     t = _drift(seen, timing, 1.0)
     model = np.array([timing.step_variance(diffusion)]), np.array([_extra(timing, diffusion)])
-    return float(_sums(t, t, np.diff(seen.frame), factor / seen.concentration, *model)[0, 3])
+    return float(_sums(t, t, np.diff(seen.frame), factor * seen.noise_rad2, *model)[0, 3])
 
 
 def _drift(seen: Readings, timing: Timing, omega: float) -> Floats:
@@ -199,7 +199,7 @@ def _fit(
 ) -> Fit:
     """Fit unwrapped angles from which the drift of a reference speed was taken."""
     n = len(seen) - 1
-    noise = 1.0 / seen.concentration
+    noise = seen.noise_rad2
     t = _drift(seen, timing, 1.0)
     # The ratio of D to the factor on the noise variances, relative to that where both matter
     # alike within one frame.

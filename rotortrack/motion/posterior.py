@@ -78,7 +78,7 @@ def smooth_on_line(
     """Give the same moments by the Gaussian smoother, from angles unwrapped by `linear.unwrap`."""
     row = seen.frame - seen.frame[0]
     noise = np.full(int(row[-1]) + 1, np.inf)
-    noise[row] = pace.noise_factor / seen.concentration
+    noise[row] = pace.noise_factor * seen.noise_rad2
     angles = np.zeros(noise.size)
     angles[row] = strayed
     mean, variance = _smooth(

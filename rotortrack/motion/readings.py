@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from rotortrack.motion.angles import angle
 
@@ -66,6 +67,13 @@ class Readings:
 
     def __len__(self) -> int:
         return self.frame.size
+
+    @property
+    def noise_rad2(self) -> Floats:
+        """Variance of the wrapped normal distribution with the same mean resultant."""
+        resultant = special.i1e(self.concentration) / special.i0e(self.concentration)
+        variance: Floats = -2.0 * np.log(resultant)
+        return variance
 
 
 @dataclass(frozen=True)
@@ -195,7 +203,7 @@ def first_guess(seen: Readings, timing: Timing) -> Pace:
             diffusion = math.log(first / max(size, 1e-3)) / ((lag - 1) * dt)
         lag *= 2
     spread = -2.0 * math.log(min(max(first, 1e-3), 1.0 - 1e-12))
-    given = 2.0 * float(np.median(1.0 / seen.concentration))
+    given = 2.0 * float(np.median(seen.noise_rad2))
     free = dt - timing.exposure_s / 3.0
     # Diffusion takes 2 % of the spread at least, and all of it at most.
     diffusion = min(max(diffusion, 0.01 * spread / free), 0.5 * spread / free)

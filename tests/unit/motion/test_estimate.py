@@ -38,7 +38,7 @@ def estimate(rows, circle, **options):
     [
         (5.0, 0.1, 0.3, Reason.SMALL_STEPS),
         (120.0, 0.1, 0.6, Reason.WIDE_STEPS),
-        (5.0, 0.45, 0.1, Reason.WIDE_NOISE),
+        (5.0, 0.5, 0.1, Reason.WIDE_NOISE),
     ],
 )
 def test_the_circle_is_used_where_steps_or_noise_are_wide(diffusion, sigma, missing, reason):
@@ -62,7 +62,7 @@ def test_false_spots_send_a_rotor_to_the_circle():
 
 def test_a_slow_rotor_keeps_increments():
     rng = np.random.default_rng(3)
-    found = estimate(*positions(rng, 2000, 0.0, 1e-5, 0.4))
+    found = estimate(*positions(rng, 2000, 0.0, 1e-5, 0.5))
     assert (found.method, found.reason) == ("increments", Reason.TOO_SLOW_FOR_GRID)
 
 
@@ -143,7 +143,7 @@ def test_circular_results_are_flagged_and_resampled_too():
     rng = np.random.default_rng(10)
     direction = np.repeat(rng.choice([-1.0, 1.0], 20), 200)
     steps = 0.06 * direction + rng.normal(0.0, np.sqrt(2 * 3.0 * FRAME_S), 4000)
-    rows, circle = positions(rng, 4000, 0.0, 0.0, 0.35, 0.1, steps)
+    rows, circle = positions(rng, 4000, 0.0, 0.0, 0.5, 0.1, steps)
     found = estimate(rows, circle)
     assert found.method == "circular"
     assert found.resampled

@@ -54,7 +54,7 @@ def test_the_likelihood_is_that_of_a_multivariate_normal(seed, exposed, missing,
     seen = replace(seen, concentration=rng.uniform(20.0, 200.0, len(seen)))
     pace = Pace(omega, 3.0, 1.2)
     covariance = covariance_of_averages(seen.frame, timing, 3.0)
-    covariance += np.diag(1.2 / seen.concentration)
+    covariance += np.diag(1.2 * seen.noise_rad2)
     difference = np.diff(np.eye(len(seen)), axis=0)
     drift = omega * FRAME_S * seen.frame
     steps = np.diff(seen.theta_rad - drift)
@@ -77,7 +77,7 @@ def test_without_gaps_it_agrees_with_the_sine_transform():
     close = 0.01 * sine.diffusion_sd_rad2_s
     assert found.diffusion_rad2_s == pytest.approx(sine.diffusion_rad2_s, abs=close)
     assert found.diffusion_sd_rad2_s == pytest.approx(sine.diffusion_sd_rad2_s, rel=0.03)
-    noise = found.noise_factor * 0.15**2
+    noise = found.noise_factor * seen.noise_rad2[0]
     assert noise == pytest.approx(sine.noise_variance_rad2, rel=0.005)
 
 

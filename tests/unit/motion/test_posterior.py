@@ -34,7 +34,7 @@ def gaussian_posterior(seen, timing, pace, strayed):
     np.fill_diagonal(covariance, 2 * pace.diffusion_rad2_s * (start + timing.exposure_s / 3))
     covariance += 1e3
     rows = seen.frame - seen.frame[0]
-    noisy = covariance[np.ix_(rows, rows)] + np.diag(pace.noise_factor / seen.concentration)
+    noisy = covariance[np.ix_(rows, rows)] + np.diag(pace.noise_factor * seen.noise_rad2)
     gain = np.linalg.solve(noisy, covariance[rows]).T
     return gain @ strayed, np.diag(covariance - gain @ covariance[rows])
 
