@@ -17,7 +17,7 @@ from rotortrack.motion.linear import LinearFit, fit_increments, log_densities, u
 from rotortrack.motion.optimum import curvature_inverse
 from rotortrack.motion.posterior import Posterior, posterior, smooth_on_circle, smooth_on_line
 from rotortrack.motion.readings import (
-    CircleLike,
+    Circle,
     Pace,
     Readings,
     Timing,
@@ -119,7 +119,7 @@ def estimate_motion(
     y_nm: Floats,
     x_sd_nm: Floats,
     y_sd_nm: Floats,
-    circle: CircleLike,
+    circle: Circle,
     *,
     frame_interval_s: float,
     exposure_s: float,
@@ -209,6 +209,27 @@ def estimate_motion(
         resampled=uneven,
         posterior=posterior(seen, timing, pace, moments, circle),
     )
+
+
+def compile_kernels() -> None:
+    """Compile what a rotor may need, by measuring a short one in both ways."""
+    rng = np.random.default_rng(0)
+    frame = np.flatnonzero(np.arange(60) % 7)
+    theta = 0.3 * frame + rng.normal(0.0, 0.1, frame.size)
+    sd = np.full(frame.size, 10.0)
+    methods: tuple[Literal["increments", "circular"], ...] = ("increments", "circular")
+    for method in methods:
+        estimate_motion(
+            frame,
+            100.0 * np.cos(theta),
+            -100.0 * np.sin(theta),
+            sd,
+            sd,
+            Circle(0.0, 0.0, 100.0),
+            frame_interval_s=0.002,
+            exposure_s=0.002,
+            method=method,
+        )
 
 
 def _unknown(reason: Reason) -> MotionEstimate:

@@ -11,7 +11,7 @@ from scipy import special
 from rotortrack.kernels import kernel
 from rotortrack.motion.circular import Grid
 from rotortrack.motion.grid import UNIFORM_SHARE, smooth_moments
-from rotortrack.motion.readings import CircleLike, Pace, Readings, Timing
+from rotortrack.motion.readings import Circle, Pace, Readings, Timing
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -96,7 +96,7 @@ def posterior(
     timing: Timing,
     pace: Pace,
     moments: tuple[Floats, Floats],
-    circle: CircleLike,
+    circle: Circle,
 ) -> Posterior:
     """Turn moments of the angle into angles and positions.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,20 +23,13 @@ _MEDIAN_VARIANCE = 5.4
 _LEAST_CONCENTRATION = 1e-3
 
 
-class CircleLike(Protocol):
-    """Centre and radius, nm, of the circle through the positions as they were seen."""
+@dataclass(frozen=True)
+class Circle:
+    """Centre and radius, nm, of the circle through the positions, before correction for blur."""
 
-    @property
-    def x_nm(self) -> float:
-        """Centre, along columns."""
-
-    @property
-    def y_nm(self) -> float:
-        """Centre, along rows."""
-
-    @property
-    def radius_nm(self) -> float:
-        """Radius as fitted."""
+    x_nm: float
+    y_nm: float
+    radius_nm: float
 
 
 @dataclass(frozen=True)
@@ -124,7 +116,7 @@ def readings(
     y_nm: Floats,
     x_sd_nm: Floats,
     y_sd_nm: Floats,
-    circle: CircleLike,
+    circle: Circle,
 ) -> Readings:
     """Turn positions into directions about a circle; rows that are not finite are left out.
 

@@ -136,6 +136,8 @@ def examine_kernels() -> Finding:
 def warm_up(draw: Draw | None = None) -> None:
     """Compile every kernel by running a tiny simulated film through all that there is.
 
+    What motion needs of them depends on the rotor, so those are run by themselves.
+
     Parameters
     ----------
     draw
@@ -158,9 +160,11 @@ def warm_up(draw: Draw | None = None) -> None:
     from rotortrack.localise.lanes import fit_windows
     from rotortrack.localise.quick import QUICK_METHODS
     from rotortrack.localise.windows import camera_arrays, cut_windows
+    from rotortrack.motion.estimate import compile_kernels
     from rotortrack.pipeline.run import run_movie
     from rotortrack.settings import Layer
 
+    compile_kernels()
     with _temporary_folder() as folder, warnings.catch_warnings(record=True):
         options = _write_film(folder / "movie.tif")
         for method in (*METHODS, *QUICK_METHODS):

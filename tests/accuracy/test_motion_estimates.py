@@ -4,12 +4,11 @@ The path has twelve parts a frame, the camera averages positions over the exposu
 added to x and y. Truth is the omega that was put in.
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from rotortrack.motion.estimate import estimate_motion
+from rotortrack.motion.readings import Circle
 
 FRAME_S = 0.002
 PARTS = 12
@@ -23,7 +22,7 @@ def positions(rng, n, omega, diffusion, sigma, missing, exposed):
     x = 100 * (on_circle.real + rng.normal(0.0, sigma, n))
     y = -100 * (on_circle.imag + rng.normal(0.0, sigma, n))
     radius = 100 * np.sqrt(np.mean(np.abs(on_circle) ** 2))
-    circle = SimpleNamespace(x_nm=0.0, y_nm=0.0, radius_nm=radius)
+    circle = Circle(x_nm=0.0, y_nm=0.0, radius_nm=radius)
     return frame, x[frame], y[frame], np.full(frame.size, 100 * sigma), circle, on_circle
 
 

@@ -20,13 +20,12 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
 from rotortrack.motion.circular import MOST_ANGLES, Grid, angles_needed
 from rotortrack.motion.estimate import MotionEstimate, estimate_motion
-from rotortrack.motion.readings import Pace, Timing, readings
+from rotortrack.motion.readings import Circle, Pace, Timing, readings
 
 FRAME_S = 0.002
 PARTS = 16
@@ -48,7 +47,7 @@ class Scene:
     true_x_nm: np.ndarray
     true_y_nm: np.ndarray
     displacement: float
-    circle: SimpleNamespace
+    circle: Circle
 
 
 def film(rng, path, sigma, missing, exposed) -> Scene:
@@ -75,7 +74,7 @@ def film(rng, path, sigma, missing, exposed) -> Scene:
         true_x_nm=x,
         true_y_nm=y,
         displacement=float(path[-1] - path[0]),
-        circle=SimpleNamespace(x_nm=0.0, y_nm=0.0, radius_nm=seen_radius),
+        circle=Circle(x_nm=0.0, y_nm=0.0, radius_nm=seen_radius),
     )
 
 

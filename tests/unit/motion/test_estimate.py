@@ -1,10 +1,10 @@
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rotortrack.motion.estimate import Reason, estimate_motion
+from rotortrack.motion.readings import Circle
 
 FRAME_S = 0.002
 
@@ -17,7 +17,7 @@ def positions(rng, n, omega, diffusion, sigma, missing=0.0, steps=None):
     y = -100 * np.sin(theta) + rng.normal(0.0, 100 * sigma, n)
     frame = np.flatnonzero(rng.random(n) >= missing)
     sd = np.full(frame.size, 100 * sigma)
-    circle = SimpleNamespace(x_nm=0.0, y_nm=0.0, radius_nm=100.0)
+    circle = Circle(x_nm=0.0, y_nm=0.0, radius_nm=100.0)
     return {
         "frame": frame,
         "x_nm": x[frame],
@@ -82,7 +82,7 @@ def test_place_and_start_of_the_movie_do_not_matter(method):
         "x_nm": rows["x_nm"] + 1e6,
         "y_nm": rows["y_nm"] - 2e6,
     }
-    there = estimate(moved, SimpleNamespace(x_nm=1e6, y_nm=-2e6, radius_nm=100.0), method=method)
+    there = estimate(moved, Circle(x_nm=1e6, y_nm=-2e6, radius_nm=100.0), method=method)
     assert there.fit.omega_rad_s == pytest.approx(here.fit.omega_rad_s, rel=1e-6)
     assert there.fit.diffusion_rad2_s == pytest.approx(here.fit.diffusion_rad2_s, rel=1e-6)
     np.testing.assert_allclose(there.posterior.x_nm - 1e6, here.posterior.x_nm, atol=1e-5)
@@ -117,7 +117,7 @@ def test_the_posterior_covers_every_frame_from_the_first_to_the_last_seen():
 )
 def test_nothing_is_told_where_nothing_is_known(rows, radius, reason):
     table, circle = positions(np.random.default_rng(8), 500, 20.0, 5.0, 0.2)
-    circle.radius_nm = radius
+    circle = replace(circle, radius_nm=radius)
     found = estimate({name: column[rows] for name, column in table.items()}, circle)
     assert (found.method, found.reason) == ("none", reason)
     assert np.isnan(found.fit.omega_rad_s)

@@ -1,15 +1,13 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from rotortrack.motion.circular import Grid, angles_needed
 from rotortrack.motion.linear import unwrap
 from rotortrack.motion.posterior import posterior, smooth_on_circle, smooth_on_line
-from rotortrack.motion.readings import Pace, Readings, Timing
+from rotortrack.motion.readings import Circle, Pace, Readings, Timing
 
 FRAME_S = 0.002
-CIRCLE = SimpleNamespace(x_nm=1000.0, y_nm=400.0, radius_nm=100.0)
+CIRCLE = Circle(x_nm=1000.0, y_nm=400.0, radius_nm=100.0)
 
 
 def track(rng, n, omega, diffusion, sigma, missing):

@@ -1,11 +1,9 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from rotortrack.motion.readings import Timing, first_guess, noise_prior, readings
+from rotortrack.motion.readings import Circle, Timing, first_guess, noise_prior, readings
 
-CIRCLE = SimpleNamespace(x_nm=500.0, y_nm=-200.0, radius_nm=100.0)
+CIRCLE = Circle(x_nm=500.0, y_nm=-200.0, radius_nm=100.0)
 FRAME_S = 0.002
 
 
