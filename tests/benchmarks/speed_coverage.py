@@ -161,7 +161,7 @@ def cell(n, repeats, diffusion, sigma, missing, exposed, *, brownian=False):
         start = time.thread_time()
         found = estimate(scene, exposed)
         took = time.thread_time() - start
-        if number < 12:
+        if number < 24:
             scenes.append(scene)
             omegas.append(omega)
         fit = found.fit
