@@ -80,6 +80,8 @@ TRACKS = Schema(
         Column("time_s", "float64", "s", "start of the frame since frame 0"),
         Column("x_nm", "float64", "nm", "position along columns", required=True),
         Column("y_nm", "float64", "nm", "position along rows, down", required=True),
+        Column("x_sd_nm", "float64", "nm", "standard deviation of x_nm"),
+        Column("y_sd_nm", "float64", "nm", "standard deviation of y_nm"),
         Column("theta_rad", "float64", "rad", "angle about the circle's centre"),
         Column("theta_sd_rad", "float64", "rad", "its standard deviation"),
         Column("step_rad", "float64", "rad", "step from the adjacent frame before"),
@@ -109,6 +111,16 @@ ROTORS = Schema(
         Column("rev_per_s", "float64", "1/s", "signed revolutions per second"),
         Column("diffusion_rad2_s", "float64", "rad^2/s", "rotational diffusion coefficient"),
         Column("diffusion_sd_rad2_s", "float64", "rad^2/s", "its standard deviation"),
+        Column("diffusion_ci_low_rad2_s", "float64", "rad^2/s", "lower end of its 95 % interval"),
+        Column("diffusion_ci_high_rad2_s", "float64", "rad^2/s", "upper end of its 95 % interval"),
+        Column("drift_p", "float64", "", "probability of such a speed, or more, without drift"),
+        Column("drift_q", "float64", "", "false-discovery rate of calling it driven"),
+        Column("theta_noise_rad", "float64", "rad", "noise of an angle, as its steps tell it"),
+        Column("speed_method", "str", "", "increments, circular, paper or none"),
+        Column("speed_reason", "str", "", "why that method"),
+        Column("residuals_p", "float64", "", "probability of residuals so uneven in the model"),
+        Column("resampled", "bool", "", "whether intervals come from the block bootstrap"),
+        Column("n_switches", "int64", "", "switches of speed"),
         Column("msd_speed_deg_s", "float64", "deg/s", "unsigned speed v of v^2 t^2 + 2 D t"),
         Column("msd_diffusion_rad2_s", "float64", "rad^2/s", "D of v^2 t^2 + 2 D t"),
         Column("msd_lag_min_s", "float64", "s", "first lag of that fit"),
@@ -122,6 +134,22 @@ ROTORS = Schema(
         Column("step_sd_rad", "float64", "rad", "standard deviation of those steps"),
     ),
 )
+
+POSTERIOR = Schema(
+    "posterior",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("frame", "int64", "", "frame number, from 0, missing ones too", required=True),
+        Column("seen", "bool", "", "whether the rotor was localised in it", required=True),
+        Column("theta_rad", "float64", "rad", "angle given all frames", required=True),
+        Column("theta_sd_rad", "float64", "rad", "its circular standard deviation"),
+        Column("x_nm", "float64", "nm", "position given all frames", required=True),
+        Column("y_nm", "float64", "nm", "position given all frames", required=True),
+        Column("x_sd_nm", "float64", "nm", "standard deviation of x_nm"),
+        Column("y_sd_nm", "float64", "nm", "standard deviation of y_nm"),
+    ),
+)
+"""Averages over the exposure; never fed back into circles or distances."""
 
 DRIFT = Schema(
     "drift",

@@ -156,13 +156,9 @@ def build_tracks(
     )
     x, y = _column(localisations, "x_nm", rows), _column(localisations, "y_nm", rows)
     theta = angle(x, y, centre_x, centre_y)
-    sd = angle_sd(
-        theta,
-        _column(localisations, "x_sd_nm", rows),
-        _column(localisations, "y_sd_nm", rows),
-        _column(localisations, "uncertainty_nm", rows),
-        radius,
-    )
+    x_sd, y_sd = _column(localisations, "x_sd_nm", rows), _column(localisations, "y_sd_nm", rows)
+    uncertainty = _column(localisations, "uncertainty_nm", rows)
+    sd = angle_sd(theta, x_sd, y_sd, uncertainty, radius)
     del circle, centre_x, centre_y, radius
     bridged = np.full(rotor.size, np.nan)
     for part in np.split(np.arange(rotor.size), np.flatnonzero(~same_rotor) + 1):
@@ -178,6 +174,8 @@ def build_tracks(
             "time_s": frame * frame_interval_s,
             "x_nm": x,
             "y_nm": y,
+            "x_sd_nm": np.where(np.isnan(x_sd), uncertainty, x_sd),
+            "y_sd_nm": np.where(np.isnan(y_sd), uncertainty, y_sd),
             "theta_rad": theta,
             "theta_sd_rad": sd,
             "step_rad": steps,

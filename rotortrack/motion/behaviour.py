@@ -5,29 +5,27 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
-from rotortrack.motion.diffusion import Diffusion
+from rotortrack.motion.estimate import MotionEstimate
 from rotortrack.motion.increments import StepSizes
 from rotortrack.motion.options import MotionOptions
-from rotortrack.motion.speed import Speed
+
+Floats = NDArray[np.float64]
 
 Behaviour = Literal["driven_ccw", "driven_cw", "brownian", "stuck", "unclassified"]
 
 TOGGLING = 3.0
-"""Pole strength above which a rotor is not called Brownian."""
-
-_TWO_SIDED_95 = float(stats.norm.isf(0.025))
+"""|mean exp(2 i theta)| sqrt(2 D T) above which a rotor is not called Brownian."""
 
 
 def classify(
-    speed: Speed,
-    diffusion: Diffusion,
+    estimate: MotionEstimate,
     steps: StepSizes,
+    theta_rad: Floats,
     duration_s: float,
     options: MotionOptions,
-    *,
-    pole_strength: float = 0.0,
 ) -> Behaviour:
     """Name the behaviour of one rotor, `unclassified` rather than wrong.
 
@@ -43,30 +41,30 @@ def classify(
 
     Parameters
     ----------
-    speed, diffusion, steps
+    estimate, steps
         Estimates of the rotor.
+    theta_rad
+        Its angles.
     duration_s
         Time from its first to its last frame, s.
     options
         Thresholds.
-    pole_strength
-        ``|mean exp(2 i theta)| sqrt(2 D T)``: of order 1 for a Brownian rotor (95th percentile
-        1.4), above 4 for one that toggles between opposite poses.
     """
-    measured = steps.n_steps >= options.min_steps and np.isfinite(speed.omega_sd_rad_s)
-    if not measured or steps.folded:
+    fit = estimate.fit
+    if steps.n_steps < options.min_steps or not np.isfinite(fit.omega_sd_rad_s) or steps.folded:
         return "unclassified"
     least_turn = np.deg2rad(options.stuck_turn_deg)
-    turned = abs(speed.omega_rad_s) * duration_s > least_turn
-    if turned and speed.differs_from_zero(options.driven_z):
-        return "driven_ccw" if speed.omega_rad_s > 0.0 else "driven_cw"
-    margin = _TWO_SIDED_95 * diffusion.diffusion_sd_rad2_s
+    turned = abs(fit.omega_rad_s) * duration_s > least_turn
+    if turned and fit.drift_p < 2.0 * stats.norm.sf(options.driven_z):
+        return "driven_ccw" if fit.omega_rad_s > 0.0 else "driven_cw"
     low, high = (
-        np.sqrt(2.0 * duration_s * max(diffusion.diffusion_rad2_s + sign * margin, 0.0))
-        for sign in (-1.0, 1.0)
+        np.sqrt(2.0 * duration_s * max(bound, 0.0)) for bound in fit.diffusion_interval_rad2_s
     )
     if high <= least_turn:
         return "stuck"
-    if low > least_turn and speed.excess == 1.0 and pole_strength <= TOGGLING:
+    # Time averages of exp(2 i theta) scatter by 1 / sqrt(2 D T) for a rotor that only diffuses.
+    spread = np.sqrt(2.0 * fit.diffusion_rad2_s * duration_s)
+    poles = float(abs(np.exp(2j * theta_rad).mean()) * spread)
+    if low > least_turn and not estimate.resampled and poles <= TOGGLING:
         return "brownian"
     return "unclassified"

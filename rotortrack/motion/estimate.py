@@ -113,6 +113,18 @@ class MotionEstimate:
     posterior: Posterior | None
 
 
+NOT_ESTIMATED = MotionEstimate(
+    NO_FIT,
+    "none",
+    Reason.TOO_FEW_FRAMES,
+    math.nan,
+    Whiteness(math.nan, math.nan, math.nan, math.nan),
+    0,
+    resampled=False,
+    posterior=None,
+)
+
+
 def estimate_motion(
     frame: Integers,
     x_nm: Floats,
@@ -159,14 +171,14 @@ def estimate_motion(
     8000 frames: increments 20 ms, circular 0.2 to 0.6 s.
     """
     if not circle.radius_nm > 0.0:
-        return _unknown(Reason.NO_CIRCLE)
+        return replace(NOT_ESTIMATED, reason=Reason.NO_CIRCLE)
     timing = Timing(frame_interval_s, exposure_s)
     seen = readings(frame, x_nm, y_nm, x_sd_nm, y_sd_nm, circle)
     if len(seen) < _LEAST_READINGS:
-        return _unknown(Reason.TOO_FEW_FRAMES)
+        return NOT_ESTIMATED
     start = first_guess(seen, timing)
     if not math.isfinite(start.omega_rad_s):
-        return _unknown(Reason.TOO_FEW_FRAMES)
+        return NOT_ESTIMATED
     prior = noise_prior(seen, timing, start.diffusion_rad2_s, circle.radius_nm)
     linear = fit_increments(seen, timing, start, prior)
     reason = _reason(linear, seen)
@@ -230,13 +242,6 @@ def compile_kernels() -> None:
             exposure_s=0.002,
             method=method,
         )
-
-
-def _unknown(reason: Reason) -> MotionEstimate:
-    untested = Whiteness(1.0, 1.0, 1.0, 1.0)
-    return MotionEstimate(
-        NO_FIT, "none", reason, math.nan, untested, 0, resampled=False, posterior=None
-    )
 
 
 def _pace(fit: Fit) -> Pace:

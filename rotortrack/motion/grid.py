@@ -264,13 +264,17 @@ def smooth_moments(
             whole[:] = 1.0
             half[:] = 1.0
         _midway(density, later, turns, middle, between)
+        # Past and future may hardly overlap, so a weight is small beside the largest alone.
+        largest = 0.0
+        for j in range(size):
+            largest = max(largest, middle[j] * whole[size + j], between[j] * half[size + j])
         total = 0.0
         for part in range(2):
             weights, readings = (middle, whole) if part == 0 else (between, half)
             for j in range(size):
                 weight = weights[j] * readings[size + j]
                 total += weight
-                if weight < 1e-14:
+                if weight < 1e-14 * largest:
                     continue
                 angle = 2.0 * np.pi / size * (j + 0.5 * part)
                 off = theta[k] - angle

@@ -2,54 +2,119 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import stats
 
+from rotortrack import parallel
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
 from rotortrack.motion.angles import GapMode, consecutive_steps, fitted_radius
 from rotortrack.motion.behaviour import Behaviour, classify
 from rotortrack.motion.blur import radius_factor
-from rotortrack.motion.diffusion import UNKNOWN, Diffusion, estimate_diffusion
+from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_motion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.options import MotionOptions
-from rotortrack.motion.speed import Speed, estimate_speed
-from rotortrack.tables import ROTORS, conform
+from rotortrack.motion.readings import Circle
+from rotortrack.tables import POSTERIOR, ROTORS, conform
 from rotortrack.units import DEGREES_PER_RADIAN, TURN_RAD
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _NAN = float("nan")
 _NAMED_IN_WARNING = 10
+_READ = ("theta_rad", "x_nm", "y_nm", "x_sd_nm", "y_sd_nm")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Rotors with their motion, and where each measured one was in every frame.
+
+    Attributes
+    ----------
+    rotors
+        Columns of `tables.ROTORS`.
+    posterior
+        Columns of `tables.POSTERIOR`.
+    """
+
+    rotors: pd.DataFrame
+    posterior: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Track:
+    """What was seen of one rotor; arrays of shape (n,), frames ascending without repeats.
+
+    Attributes
+    ----------
+    frame
+        Frames with a localisation.
+    theta_rad
+        Angles about the circle's centre.
+    x_nm, y_nm, x_sd_nm, y_sd_nm
+        Positions and their standard deviations, nan where these are not known.
+    circle
+        Centre and radius as fitted.
+    """
+
+    frame: Integers
+    theta_rad: Floats
+    x_nm: Floats
+    y_nm: Floats
+    x_sd_nm: Floats
+    y_sd_nm: Floats
+    circle: Circle
 
 
 @dataclass(frozen=True)
 class Motion:
     """Everything that the motion of one rotor is reported by."""
 
-    speed: Speed
-    diffusion: Diffusion
+    estimate: MotionEstimate
     steps: StepSizes
     msd_fit: MSDFit
     behaviour: Behaviour
 
-    def row(self) -> dict[str, object]:
+    def row(self, estimator: str = "auto") -> dict[str, object]:
         """Motion columns of `tables.ROTORS`."""
-        low, high = self.speed.interval()
+        fit = self.estimate.fit
+        low, high = fit.diffusion_interval_rad2_s
+        told = {
+            "omega_sd_rad_s": fit.omega_sd_rad_s,
+            "speed_ci_low_deg_s": fit.omega_interval_rad_s[0] * DEGREES_PER_RADIAN,
+            "speed_ci_high_deg_s": fit.omega_interval_rad_s[1] * DEGREES_PER_RADIAN,
+            "diffusion_sd_rad2_s": fit.diffusion_sd_rad2_s,
+            "diffusion_ci_low_rad2_s": low,
+            "diffusion_ci_high_rad2_s": high,
+        }
+        omega, diffusion = fit.omega_rad_s, fit.diffusion_rad2_s
+        method: str = self.estimate.method
+        reason = self.estimate.reason.value
+        if estimator == "paper":
+            omega, diffusion = self.msd_fit.speed_rad_s, self.msd_fit.diffusion_rad2_s
+            method, reason = "paper", "asked_for"
+            told = dict.fromkeys(told, _NAN)
         return {
             "behaviour": self.behaviour,
-            "omega_rad_s": self.speed.omega_rad_s,
-            "omega_sd_rad_s": self.speed.omega_sd_rad_s,
-            "speed_deg_s": self.speed.omega_rad_s * DEGREES_PER_RADIAN,
-            "speed_ci_low_deg_s": low * DEGREES_PER_RADIAN,
-            "speed_ci_high_deg_s": high * DEGREES_PER_RADIAN,
-            "rev_per_s": self.speed.omega_rad_s / TURN_RAD,
-            "diffusion_rad2_s": self.diffusion.diffusion_rad2_s,
-            "diffusion_sd_rad2_s": self.diffusion.diffusion_sd_rad2_s,
+            "omega_rad_s": omega,
+            "speed_deg_s": omega * DEGREES_PER_RADIAN,
+            "rev_per_s": omega / TURN_RAD,
+            "diffusion_rad2_s": diffusion,
+            **told,
+            "drift_p": fit.drift_p,
+            "theta_noise_rad": self.estimate.noise_sd_rad,
+            "speed_method": method,
+            "speed_reason": reason,
+            "residuals_p": self.estimate.white.p,
+            "resampled": self.estimate.resampled,
             "msd_speed_deg_s": self.msd_fit.speed_rad_s * DEGREES_PER_RADIAN,
             "msd_diffusion_rad2_s": self.msd_fit.diffusion_rad2_s,
             "msd_lag_min_s": self.msd_fit.lag_min_s,
@@ -61,8 +126,7 @@ class Motion:
 
 
 NOT_MEASURED = Motion(
-    speed=Speed(_NAN, _NAN, _NAN, _NAN),
-    diffusion=UNKNOWN,
+    estimate=NOT_ESTIMATED,
     steps=StepSizes(_NAN, _NAN, 0),
     msd_fit=MSDFit(_NAN, _NAN, _NAN, _NAN, _NAN, at_bound=False),
     behaviour="unclassified",
@@ -76,8 +140,9 @@ def measure_motion(
     *,
     frame_interval_s: float,
     exposure_s: float | None,
-) -> pd.DataFrame:
-    """Return the rotors table with speed, diffusion, MSD fit, steps and behaviour filled in.
+    workers: int = 1,
+) -> Measured:
+    """Fill the rotors table with speed, diffusion, MSD fit, steps and behaviour.
 
     The radius is corrected for motion during the exposure; `radius_fit_nm` keeps the fitted one.
 
@@ -94,20 +159,23 @@ def measure_motion(
         Time between frame starts, s.
     exposure_s
         Exposure of a frame, s; not given, it is taken to fill the frame interval.
+    workers
+        Threads that share the rotors; results do not depend on it.
 
     Raises
     ------
     ConfigurationError
         The exposure exceeds the frame interval.
     TableError
-        The tracks have no angles.
+        The tracks have no angles or positions.
 
     Warns
     -----
     ExposureWarning
         The exposure is not given.
     AngleWarning
-        Steps of a measured rotor are so wide that the 180-degree rule shortens its speed.
+        Steps of a measured rotor are so wide that the 180-degree rule shortens its cumulative
+        angle.
     """
     if exposure_s is None:
         warnings.warn(
@@ -122,55 +190,85 @@ def measure_motion(
             f"exposure_s is {exposure_s:g}, longer than frame_interval_s {frame_interval_s:g}: "
             "correct one of them"
         )
-    if "theta_rad" not in tracks.columns:
-        raise TableError("the tracks lack the column theta_rad: build them from localisations")
-    kept = rotors["verdict"] == "kept" if "verdict" in rotors.columns else rotors["rotor"] >= 0
-    wanted = set(rotors.loc[kept, "rotor"])
-    measurable = tracks["rotor"].isin(wanted) & tracks["theta_rad"].notna()
-    if "used" in tracks.columns:
-        measurable &= tracks["used"]
-    used = tracks.loc[measurable, ["rotor", "frame", "theta_rad"]]
-    found = {
-        number: measure_rotor(
-            track["frame"].to_numpy("int64"),
-            track["theta_rad"].to_numpy("float64"),
-            options,
-            frame_interval_s=frame_interval_s,
-            exposure_s=exposure_s,
-        )
-        for number, track in used.sort_values(["rotor", "frame"]).groupby("rotor")
-    }
-    folded = [str(number) for number, motion in found.items() if motion.steps.folded]
-    if folded:
-        names = ", ".join(folded[:_NAMED_IN_WARNING])
-        more = ", ..." if len(folded) > _NAMED_IN_WARNING else ""
-        warnings.warn(
-            f"{len(folded)} rotor(s) take steps wider than the 180-degree rule can tell apart "
-            f"(standard deviation over 55 or mean over 90 degrees), so their speeds are too low "
-            f"and their behaviour stays unclassified: {names}{more}; use a shorter "
-            "frame interval or more photons, and do not bridge gaps",
-            AngleWarning,
-            stacklevel=2,
-        )
+    for name in ("theta_rad", "x_nm", "y_nm"):
+        if name not in tracks.columns:
+            raise TableError(f"the tracks lack the column {name}: build them from localisations")
+    seen = used_tracks(tracks, rotors)
+    shutter_s = exposure_s
+    motions = parallel.map_ordered(
+        lambda track: measure_rotor(
+            track, options, frame_interval_s=frame_interval_s, exposure_s=shutter_s
+        ),
+        seen.values(),
+        workers=workers,
+    )
+    found = dict(zip(seen, motions, strict=True))
+    _warn_of_wide_steps(found)
     measured = [found.get(number, NOT_MEASURED) for number in rotors["rotor"]]
-    rows = [motion.row() for motion in measured]
-    motion = pd.DataFrame(rows, columns=list(NOT_MEASURED.row()), index=rotors.index)
+    motion = pd.DataFrame(
+        [one.row(options.estimator) for one in measured],
+        columns=list(NOT_MEASURED.row()),
+        index=rotors.index,
+    )
+    motion["drift_q"] = _false_discovery_rate(motion["drift_p"].to_numpy("float64"))
     others = rotors.drop(columns=motion.columns, errors="ignore")
     fitted = fitted_radius(rotors)
     factors = [
         # Where the motion is not understood, neither is its blur.
         1.0
         if one.behaviour == "unclassified"
-        else radius_factor(one.speed.omega_rad_s, one.diffusion.diffusion_rad2_s, exposure_s)
+        else radius_factor(
+            one.estimate.fit.omega_rad_s, one.estimate.fit.diffusion_rad2_s, exposure_s
+        )
         for one in measured
     ]
     others = others.assign(radius_fit_nm=fitted, radius_nm=fitted / np.array(factors))
-    return conform(pd.concat([others, motion], axis=1), ROTORS, "rotors")
+    return Measured(
+        conform(pd.concat([others, motion], axis=1), ROTORS, "rotors"),
+        _posterior_table(seen, found),
+    )
+
+
+def used_tracks(tracks: pd.DataFrame, rotors: pd.DataFrame) -> dict[int, Track]:
+    """List the tracks of the kept rotors that have any, by number.
+
+    Parameters
+    ----------
+    tracks, rotors
+        As for `measure_motion`.
+    """
+    kept = rotors["verdict"] == "kept" if "verdict" in rotors.columns else rotors["rotor"] >= 0
+    measurable = tracks["rotor"].isin(set(rotors.loc[kept, "rotor"])) & tracks["theta_rad"].notna()
+    if "used" in tracks.columns:
+        measurable &= tracks["used"]
+    rows = tracks.loc[measurable].sort_values(["rotor", "frame"], kind="stable")
+    circles = {
+        int(number): Circle(x, y, radius)
+        for number, x, y, radius in zip(
+            rotors["rotor"], rotors["x_nm"], rotors["y_nm"], fitted_radius(rotors), strict=True
+        )
+    }
+    columns = {
+        name: rows[name].to_numpy("float64") if name in rows else np.full(len(rows), _NAN)
+        for name in _READ
+    }
+    frame = rows["frame"].to_numpy("int64")
+    numbers, starts = np.unique(rows["rotor"].to_numpy("int64"), return_index=True)
+    bounds = np.append(starts, len(rows))
+    return {
+        number: Track(
+            frame[start:stop],
+            **{name: column[start:stop] for name, column in columns.items()},
+            circle=circles[number],
+        )
+        for number, start, stop in zip(
+            numbers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True
+        )
+    }
 
 
 def measure_rotor(
-    frame: NDArray[np.int64],
-    theta_rad: Floats,
+    track: Track,
     options: MotionOptions,
     *,
     frame_interval_s: float,
@@ -180,47 +278,41 @@ def measure_rotor(
 
     Parameters
     ----------
-    frame
-        Frames with a localisation, ascending without repeats, shape (n,).
-    theta_rad
-        Angles in them, rad.
+    track
+        What was seen of it.
     options, frame_interval_s, exposure_s
         As for `measure_motion`.
     """
+    frame, theta_rad = track.frame, track.theta_rad
     if frame.size < 2:
         return NOT_MEASURED
-    moves = increments(frame, theta_rad, options.gap_mode)
-    diffusion = estimate_diffusion(moves, frame_interval_s=frame_interval_s, exposure_s=exposure_s)
-    speed = estimate_speed(
-        moves, diffusion, frame_interval_s=frame_interval_s, exposure_s=exposure_s
+    method: Literal["auto", "increments", "circular"] = (
+        "auto" if options.estimator == "paper" else options.estimator
     )
-    steps = step_sizes(moves)
+    estimate = estimate_motion(
+        frame,
+        track.x_nm,
+        track.y_nm,
+        track.x_sd_nm,
+        track.y_sd_nm,
+        track.circle,
+        frame_interval_s=frame_interval_s,
+        exposure_s=exposure_s,
+        method=method,
+    )
+    steps = step_sizes(increments(frame, theta_rad, options.gap_mode))
     span = int(frame[-1] - frame[0])
     lags = options.msd_lags or max(span // 4, 2)
     curve = msd(unbroken_angle(frame, theta_rad, options.gap_mode), lags)
-    duration_s = span * frame_interval_s
-    # Time averages of exp(2 i theta) scatter by 1 / sqrt(2 D T) for a rotor that only diffuses.
-    spread = np.sqrt(2.0 * max(diffusion.diffusion_rad2_s, 0.0) * duration_s)
-    poles = float(abs(np.exp(2j * theta_rad).mean()) * spread)
     return Motion(
-        speed=speed,
-        diffusion=diffusion,
+        estimate=estimate,
         steps=steps,
         msd_fit=fit_msd(curve, frame_interval_s, lags=lags, noise=options.msd_noise),
-        behaviour=classify(
-            speed,
-            diffusion,
-            steps,
-            duration_s,
-            options,
-            pole_strength=0.0 if np.isnan(poles) else poles,
-        ),
+        behaviour=classify(estimate, steps, theta_rad, span * frame_interval_s, options),
     )
 
 
-def unbroken_angle(
-    frame: NDArray[np.int64], theta_rad: Floats, gap_mode: GapMode = "drop"
-) -> Floats:
+def unbroken_angle(frame: Integers, theta_rad: Floats, gap_mode: GapMode = "drop") -> Floats:
     """Cumulative angle in every frame from the first to the last, nan where there is none.
 
     Gaps are crossed as in `angles.consecutive_steps`.
@@ -229,3 +321,45 @@ def unbroken_angle(
     turned = np.cumsum(consecutive_steps(theta_rad, frame, gap_mode))
     cumulative[frame - frame[0]] = np.concatenate(([0.0], turned))
     return cumulative
+
+
+def _warn_of_wide_steps(found: dict[int, Motion]) -> None:
+    folded = [str(number) for number, motion in found.items() if motion.steps.folded]
+    if not folded:
+        return
+    names = ", ".join(folded[:_NAMED_IN_WARNING])
+    more = ", ..." if len(folded) > _NAMED_IN_WARNING else ""
+    warnings.warn(
+        f"{len(folded)} rotor(s) take steps wider than the 180-degree rule can tell apart "
+        "(standard deviation over 55 or mean over 90 degrees), so their cumulative angles and "
+        f"MSD fits turn too little: {names}{more}; go by speed_deg_s where there is one, or use "
+        "a shorter frame interval or more photons",
+        AngleWarning,
+        stacklevel=3,
+    )
+
+
+def _false_discovery_rate(p: Floats) -> Floats:
+    """Benjamini and Hochberg's q of the rotors that have a p."""
+    known = np.isfinite(p)
+    q = np.full(p.size, math.nan)
+    if known.any():
+        q[known] = stats.false_discovery_control(p[known])
+    return q
+
+
+def _posterior_table(seen: dict[int, Track], found: dict[int, Motion]) -> pd.DataFrame:
+    parts = []
+    for number, track in seen.items():
+        told = found[number].estimate.posterior
+        if told is None:
+            continue
+        rows = np.zeros(told.frame.size, np.bool_)
+        rows[track.frame - told.frame[0]] = True
+        parts.append({"rotor": np.full(rows.size, number), "seen": rows, **vars(told)})
+    names = POSTERIOR.names
+    joined = {
+        name: np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
+        for name in names
+    }
+    return conform(pd.DataFrame(joined, columns=names), POSTERIOR, "posterior")

@@ -12,6 +12,11 @@ from rotortrack.settings import Options, option
 class MotionOptions(Options):
     """How angles become speeds, diffusion coefficients and behaviours."""
 
+    estimator: Literal["auto", "increments", "circular", "paper"] = option(
+        "auto",
+        "likelihood of the steps or of the directions on the circle (auto: the first where it is "
+        "unbiased), or the paper's fit of the MSD, which has no sign and no error",
+    )
     gap_mode: Literal["drop", "bridge"] = option(
         "drop", "steps across missing frames are left out, or counted like adjacent ones"
     )

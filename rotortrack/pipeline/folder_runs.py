@@ -118,8 +118,8 @@ def motion_of_run(
                     f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again"
                 )
             moved = stages.move(tables["localisations"], tables["rotors"], settings)
-            tables.update(rotors=moved.rotors, tracks=moved.tracks, switches=moved.switches)
-            names = ["rotors", "tracks", "switches"]
+            tables.update(moved.tables)
+            names = list(moved.tables)
             if trace is not None and recorded_trace is not None:
                 record.content["trace"] = describe(recorded_trace, path, sha256_of(recorded_trace))
                 tables.update(_voltages(trace, folder, tables, settings, record))

@@ -196,16 +196,14 @@ class _Run:
         with self._stage("rotors"):
             found = self._found(corrected)
         with self._stage("motion"):
-            moved = stages.move(found.localisations, found.rotors, settings)
+            moved = stages.move(found.localisations, found.rotors, settings, workers=workers)
             record_verdicts(record, moved.rotors)
         drift = corrected.drift
         tables = {
             "localisations": found.localisations,
             "drift": drift.table,
-            "rotors": moved.rotors,
             "decisions": found.decisions,
-            "tracks": moved.tracks,
-            "switches": moved.switches,
+            **moved.tables,
         }
         with self._stage("tables"):
             info = extent(self._source, record.provenance)

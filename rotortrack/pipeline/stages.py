@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rotortrack import parallel
 from rotortrack.corrections.density import dense_enough
 from rotortrack.corrections.drift.cross_correlation import estimate_drift
 from rotortrack.corrections.drift.drift import Drift, apply_drift
@@ -24,6 +25,7 @@ from rotortrack.motion.screen import screen
 from rotortrack.motion.switch_table import switch_table
 from rotortrack.rotors.find import find_rotors
 from rotortrack.settings import Settings
+from rotortrack.tables import ROTORS, conform
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,11 +67,17 @@ class Found:
 
 @dataclass(frozen=True)
 class Moved:
-    """Tracks of the rotors, the rotors with their motion, and their switches of speed."""
+    """Tracks of the rotors, the rotors with their motion, their switches and every frame."""
 
     tracks: pd.DataFrame
     rotors: pd.DataFrame
     switches: pd.DataFrame
+    posterior: pd.DataFrame
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All of them, by name."""
+        return dict(vars(self))
 
 
 def correct(localisations: pd.DataFrame, settings: Settings, *, pixel_size_nm: float) -> Corrected:
@@ -125,7 +133,13 @@ def find(
     )
 
 
-def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) -> Moved:
+def move(
+    localisations: pd.DataFrame,
+    rotors: pd.DataFrame,
+    settings: Settings,
+    *,
+    workers: int | None = None,
+) -> Moved:
     """Follow each rotor's angle from frame to frame; measure speed, diffusion and switches."""
     movie = settings["movie"]
     tracks = build_tracks(
@@ -140,12 +154,17 @@ def move(localisations: pd.DataFrame, rotors: pd.DataFrame, settings: Settings) 
         settings["motion"],
         frame_interval_s=movie.frame_interval_s,
         exposure_s=movie.exposure_s,
+        workers=workers or parallel.default_workers(),
     )
     switches = switch_table(
         tracks,
-        measured,
+        measured.rotors,
         settings["motion"],
         frame_interval_s=movie.frame_interval_s,
         exposure_s=movie.exposure_s or movie.frame_interval_s,
     )
-    return Moved(tracks, measured, switches)
+    counts = switches["rotor"].value_counts()
+    counted = measured.rotors.assign(
+        n_switches=measured.rotors["rotor"].map(counts).fillna(0).astype("int64")
+    )
+    return Moved(tracks, conform(counted, ROTORS, "rotors"), switches, measured.posterior)

@@ -33,6 +33,7 @@ from rotortrack.tables import (
     DECISIONS,
     DRIFT,
     LOCALISATIONS,
+    POSTERIOR,
     ROTORS,
     SWITCHES,
     TRACKS,
@@ -394,7 +395,7 @@ _SCHEMAS: dict[str, Schema] = {
     schema.name: schema
     for schema in (
         *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
-        *(SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
+        *(POSTERIOR, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
     )
 }
 _SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name)

@@ -12,8 +12,9 @@ import pytest
 from rotortrack.motion.angles import angle
 from rotortrack.motion.diffusion import estimate_diffusion
 from rotortrack.motion.increments import increments
-from rotortrack.motion.measure import measure_rotor
+from rotortrack.motion.measure import Track, measure_rotor
 from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.readings import Circle
 from rotortrack.motion.speed import estimate_speed
 
 FRAME_S = 0.002
@@ -22,13 +23,18 @@ PARTS = 6
 
 
 def positions(rng, path, sigma, missing):
-    """Frames and angles of exposure-averaged positions on the unit circle, sigma in radii."""
+    """Track of exposure-averaged positions on the unit circle, sigma in radii."""
     exposed = np.exp(1j * path).reshape(-1, PARTS).mean(axis=1)
     n = exposed.size
     x = exposed.real + rng.normal(0.0, sigma, n)
     y = -exposed.imag + rng.normal(0.0, sigma, n)
-    frame = np.flatnonzero(rng.random(n) >= missing)
-    return frame, angle(x, y, np.float64(0.0), np.float64(0.0))[frame]
+    return seen(x, y, np.flatnonzero(rng.random(n) >= missing), sigma)
+
+
+def seen(x, y, frame, sigma, circle=Circle(0.0, 0.0, 1.0)):
+    theta = angle(x, y, np.float64(circle.x_nm), np.float64(circle.y_nm))[frame]
+    sd = np.full(frame.size, sigma)
+    return Track(frame, theta, x[frame], y[frame], sd, sd, circle)
 
 
 def diffusing(rng, n, omega, diffusion, sigma, missing):
@@ -45,13 +51,13 @@ def toggling(rng, n, rate, swing, sigma):
 
 def measure(track, gap_mode="drop"):
     options = MotionOptions(gap_mode=gap_mode)
-    return measure_rotor(*track, options, frame_interval_s=FRAME_S, exposure_s=FRAME_S)
+    return measure_rotor(track, options, frame_interval_s=FRAME_S, exposure_s=FRAME_S)
 
 
 def estimate(track, gap_mode):
     """Speed and diffusion alone, which take a quarter of the time of everything."""
     times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
-    moves = increments(*track, gap_mode)
+    moves = increments(track.frame, track.theta_rad, gap_mode)
     diffusion = estimate_diffusion(moves, **times)
     return estimate_speed(moves, diffusion, **times), diffusion
 
@@ -94,7 +100,7 @@ def test_speeds_have_pulls_of_one_and_no_bias(case):
 
 def covariance_based(track):
     """Estimate D from lag-0 and lag-1 products alone; blur and noise cancel in their sum."""
-    step = increments(*track, "drop").step_rad
+    step = increments(track.frame, track.theta_rad, "drop").step_rad
     step = step - step.mean()
     return (np.mean(step**2) / 2.0 + np.mean(step[1:] * step[:-1])) / FRAME_S
 
@@ -142,8 +148,8 @@ def test_a_stuck_spot_inside_its_own_circle_is_not_driven_nor_called_brownian():
     rng = np.random.default_rng(24)
     for _ in range(50):
         x, y = rng.normal(0.0, [[1.0], [0.6]], (2, 2000))
-        theta = angle(x, y, np.float64(0.2), np.float64(-0.1))
-        assert measure((np.arange(2000), theta)).behaviour == "unclassified"
+        track = seen(x, y, np.arange(2000), 1.0, Circle(0.2, -0.1, 1.0))
+        assert measure(track).behaviour == "unclassified"
 
 
 @pytest.mark.parametrize("diffusion", [0.5, 10.0, 60.0])

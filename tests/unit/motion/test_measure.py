@@ -6,7 +6,7 @@ import pytest
 
 from rotortrack import tables
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
-from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle
+from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle, used_tracks
 from rotortrack.motion.options import MotionOptions
 
 FRAME_S = 0.002
@@ -16,7 +16,18 @@ MEASURED = ["omega_rad_s", "omega_sd_rad_s", "speed_deg_s", "speed_ci_low_deg_s"
 def tracks_table(*rotors):
     """Tracks of rotors given as (number, frames, angles)."""
     parts = [
-        pd.DataFrame({"rotor": number, "frame": frame, "theta_rad": theta, "used": True})
+        pd.DataFrame(
+            {
+                "rotor": number,
+                "frame": frame,
+                "x_nm": 1.0 + 30.0 * np.cos(theta),
+                "y_nm": 2.0 - 30.0 * np.sin(theta),
+                "x_sd_nm": 3.0,
+                "y_sd_nm": 3.0,
+                "theta_rad": theta,
+                "used": True,
+            }
+        )
         for number, frame, theta in rotors
     ]
     return pd.concat(parts, ignore_index=True)
@@ -28,12 +39,23 @@ def rotors_table(*numbers, **columns):
 
 
 def measure(tracks, rotors, exposure_s=FRAME_S, **options):
-    return measure_motion(
+    found = measure_motion(
         tracks,
         rotors,
         MotionOptions(**options),
         frame_interval_s=FRAME_S,
         exposure_s=exposure_s,
+    )
+    return found.rotors
+
+
+def track_of(frame, theta):
+    return used_tracks(tracks_table((0, frame, theta)), rotors_table(0))[0]
+
+
+def measure_one(track, **options):
+    return measure_rotor(
+        track, MotionOptions(**options), frame_interval_s=FRAME_S, exposure_s=FRAME_S
     )
 
 
@@ -84,7 +106,7 @@ def test_msd_crosses_gaps_as_fast_as_the_rotor_turns(turning):
 def test_bridging_gaps_that_hide_turns_is_warned_about_and_unclassified(turning):
     rng = np.random.default_rng(11)
     track = tracks_table((1, *turning(rng, 4000, omega=600.0, diffusion=5.0, missing=0.35)))
-    with pytest.warns(AngleWarning, match="do not bridge gaps"):
+    with pytest.warns(AngleWarning, match="use a shorter frame interval"):
         found = measure(track, rotors_table(1), gap_mode="bridge")
     assert found["behaviour"].tolist() == ["unclassified"]
 
@@ -195,10 +217,9 @@ def test_wide_steps_are_warned_of_once_with_the_rotors_named(turning):
 
 
 def test_the_options_choose_the_lags_and_the_noise_term_of_the_msd_fit(turning):
-    track = turning(np.random.default_rng(5), 4000, omega=10.0, diffusion=2.0, sigma=0.3)
-    times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
-    plain = measure_rotor(*track, MotionOptions(msd_lags=50), **times).msd_fit
-    noisy = measure_rotor(*track, MotionOptions(msd_lags=50, msd_noise=True), **times).msd_fit
+    track = track_of(*turning(np.random.default_rng(5), 4000, omega=10.0, diffusion=2.0, sigma=0.3))
+    plain = measure_one(track, msd_lags=50).msd_fit
+    noisy = measure_one(track, msd_lags=50, msd_noise=True).msd_fit
     assert plain.lag_max_s == noisy.lag_max_s == pytest.approx(50 * FRAME_S)
     assert noisy.noise_sd_rad == pytest.approx(0.3, rel=0.05)
     assert plain.noise_sd_rad == 0.0
@@ -211,13 +232,54 @@ def test_unbroken_angle_counts_on_across_gaps():
     np.testing.assert_allclose(angle, expected)
 
 
-def test_bridged_and_dropped_gaps_differ_in_the_speed_alone_that_they_use(turning):
-    rng = np.random.default_rng(2)
-    track = turning(rng, 3000, omega=20.0, diffusion=2.0, sigma=0.2, missing=0.3)
+def test_the_paper_s_estimator_gives_an_unsigned_speed_without_an_error(driven_and_stuck):
+    rotors = rotors_table(4)
+    paper = measure(driven_and_stuck, rotors, estimator="paper").iloc[0]
+    best = measure(driven_and_stuck, rotors).iloc[0]
+    assert paper["speed_method"] == "paper"
+    assert best["speed_method"] == "increments"
+    assert paper["speed_deg_s"] == paper["msd_speed_deg_s"] == best["msd_speed_deg_s"] > 0.0
+    assert paper["diffusion_rad2_s"] == paper["msd_diffusion_rad2_s"]
+    unknown = ["omega_sd_rad_s", "speed_ci_low_deg_s", "diffusion_sd_rad2_s"]
+    assert paper[unknown].isna().all()
+    assert paper["behaviour"] == best["behaviour"] == "driven_cw"
+
+
+def test_false_discovery_rates_belong_to_the_measured_rotors(driven_and_stuck):
+    found = measure(driven_and_stuck, rotors_table(4, 7, 9, 11)).set_index("rotor")
+    assert np.isnan(found.loc[11, "drift_q"])
+    p, q = (found.loc[[4, 7, 9], name].to_numpy() for name in ("drift_p", "drift_q"))
+    assert (q >= p).all()
+    assert q[0] == pytest.approx(3.0 * p[0])
+
+
+def test_the_posterior_has_a_row_for_every_frame_also_those_missing(turning):
+    frame, theta = turning(
+        np.random.default_rng(6), 800, omega=9.0, diffusion=2.0, sigma=0.1, missing=0.2
+    )
+    frame = frame + 50
+    found = measure_motion(
+        tracks_table((3, frame, theta)),
+        rotors_table(3),
+        MotionOptions(),
+        frame_interval_s=FRAME_S,
+        exposure_s=FRAME_S,
+    ).posterior
+    assert list(found) == tables.POSTERIOR.names
+    assert found["frame"].tolist() == list(range(frame[0], frame[-1] + 1))
+    assert found.loc[found["seen"], "frame"].tolist() == frame.tolist()
+    strayed = found.loc[found["seen"], "theta_rad"].to_numpy() - theta
+    assert np.std(np.angle(np.exp(1j * strayed))) < 0.1
+    away = np.hypot(found["x_nm"] - 1.0, found["y_nm"] - 2.0)
+    assert away.between(28.0, 30.5).all()
+
+
+def test_results_do_not_depend_on_the_number_of_threads(driven_and_stuck):
+    rotors = rotors_table(4, 7, 9)
     times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
-    drop = measure_rotor(*track, MotionOptions(), **times)
-    bridge = measure_rotor(*track, MotionOptions(gap_mode="bridge"), **times)
-    assert drop.steps == bridge.steps
-    assert drop.msd_fit == bridge.msd_fit
-    # The noisy ends of many runs cost what the bridges save.
-    assert bridge.speed.omega_sd_rad_s < 0.7 * drop.speed.omega_sd_rad_s
+    one, three = (
+        measure_motion(driven_and_stuck, rotors, MotionOptions(), **times, workers=workers)
+        for workers in (1, 3)
+    )
+    pd.testing.assert_frame_equal(one.rotors, three.rotors)
+    pd.testing.assert_frame_equal(one.posterior, three.posterior)
