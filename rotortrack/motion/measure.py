@@ -21,7 +21,7 @@ from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_m
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.options import MotionOptions
-from rotortrack.motion.readings import Circle
+from rotortrack.motion.tracks import Track, used_tracks
 from rotortrack.tables import POSTERIOR, ROTORS, conform
 from rotortrack.units import DEGREES_PER_RADIAN, TURN_RAD
 
@@ -30,7 +30,6 @@ Integers = NDArray[np.int64]
 
 _NAN = float("nan")
 _NAMED_IN_WARNING = 10
-_READ = ("theta_rad", "x_nm", "y_nm", "x_sd_nm", "y_sd_nm")
 
 
 @dataclass(frozen=True)
@@ -47,31 +46,6 @@ class Measured:
 
     rotors: pd.DataFrame
     posterior: pd.DataFrame
-
-
-@dataclass(frozen=True)
-class Track:
-    """What was seen of one rotor; arrays of shape (n,), frames ascending without repeats.
-
-    Attributes
-    ----------
-    frame
-        Frames with a localisation.
-    theta_rad
-        Angles about the circle's centre.
-    x_nm, y_nm, x_sd_nm, y_sd_nm
-        Positions and their standard deviations, nan where these are not known.
-    circle
-        Centre and radius as fitted.
-    """
-
-    frame: Integers
-    theta_rad: Floats
-    x_nm: Floats
-    y_nm: Floats
-    x_sd_nm: Floats
-    y_sd_nm: Floats
-    circle: Circle
 
 
 @dataclass(frozen=True)
@@ -227,44 +201,6 @@ def measure_motion(
         conform(pd.concat([others, motion], axis=1), ROTORS, "rotors"),
         _posterior_table(seen, found),
     )
-
-
-def used_tracks(tracks: pd.DataFrame, rotors: pd.DataFrame) -> dict[int, Track]:
-    """List the tracks of the kept rotors that have any, by number.
-
-    Parameters
-    ----------
-    tracks, rotors
-        As for `measure_motion`.
-    """
-    kept = rotors["verdict"] == "kept" if "verdict" in rotors.columns else rotors["rotor"] >= 0
-    measurable = tracks["rotor"].isin(set(rotors.loc[kept, "rotor"])) & tracks["theta_rad"].notna()
-    if "used" in tracks.columns:
-        measurable &= tracks["used"]
-    rows = tracks.loc[measurable].sort_values(["rotor", "frame"], kind="stable")
-    circles = {
-        int(number): Circle(x, y, radius)
-        for number, x, y, radius in zip(
-            rotors["rotor"], rotors["x_nm"], rotors["y_nm"], fitted_radius(rotors), strict=True
-        )
-    }
-    columns = {
-        name: rows[name].to_numpy("float64") if name in rows else np.full(len(rows), _NAN)
-        for name in _READ
-    }
-    frame = rows["frame"].to_numpy("int64")
-    numbers, starts = np.unique(rows["rotor"].to_numpy("int64"), return_index=True)
-    bounds = np.append(starts, len(rows))
-    return {
-        number: Track(
-            frame[start:stop],
-            **{name: column[start:stop] for name, column in columns.items()},
-            circle=circles[number],
-        )
-        for number, start, stop in zip(
-            numbers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True
-        )
-    }
 
 
 def measure_rotor(

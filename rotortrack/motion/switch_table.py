@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pandas as pd
 
+from rotortrack import parallel
 from rotortrack.motion.changepoints import Switches, find_switches
 from rotortrack.motion.increments import increments, step_sizes
 from rotortrack.motion.options import MotionOptions
-from rotortrack.motion.voltage_speeds import kept_angles
+from rotortrack.motion.tracks import Track, used_tracks
 from rotortrack.tables import SWITCHES, conform
 from rotortrack.units import DEGREES_PER_RADIAN
 
@@ -19,6 +20,7 @@ def switch_table(
     *,
     frame_interval_s: float,
     exposure_s: float,
+    workers: int = 1,
 ) -> pd.DataFrame:
     """Build one row a switch of speed of each kept rotor; no rows for rotors without any.
 
@@ -33,29 +35,40 @@ def switch_table(
         `switch_min_s` and `switch_false_alarm`.
     frame_interval_s, exposure_s
         Time between frame starts and exposure within it, s.
+    workers
+        Threads that share the rotors.
 
     Returns
     -------
     DataFrame
         Columns of `tables.SWITCHES`, by rotor and time.
     """
-    rows: list[dict[str, object]] = []
-    for number, frame, theta in kept_angles(tracks, rotors):
+
+    def search(track: Track) -> list[dict[str, object]]:
+        frame, theta = track.frame, track.theta_rad
         if step_sizes(increments(frame, theta, options.gap_mode)).folded:
-            continue
-        found = find_switches(
-            frame,
-            theta,
-            frame_interval_s=frame_interval_s,
-            exposure_s=exposure_s,
-            min_segment_s=options.switch_min_s,
-            false_alarm=options.switch_false_alarm,
+            return []
+        return _rows(
+            find_switches(
+                frame,
+                theta,
+                frame_interval_s=frame_interval_s,
+                exposure_s=exposure_s,
+                min_segment_s=options.switch_min_s,
+                false_alarm=options.switch_false_alarm,
+            )
         )
-        rows += [
-            {"rotor": number, "switch": k, "frame": round(s.time_s / frame_interval_s), **row}
-            for k, (s, row) in enumerate(zip(found.times, _rows(found), strict=True))
-        ]
-    return conform(pd.DataFrame(rows, columns=SWITCHES.names), SWITCHES, "switches")
+
+    seen = used_tracks(tracks, rotors)
+    found = parallel.map_ordered(search, seen.values(), workers=workers)
+    rows = [
+        {"rotor": number, "switch": k, **row}
+        for number, switches in zip(seen, found, strict=True)
+        for k, row in enumerate(switches)
+    ]
+    table = pd.DataFrame(rows, columns=SWITCHES.names)
+    table["frame"] = (table["time_s"] / frame_interval_s).astype("float64").round()
+    return conform(table, SWITCHES, "switches")
 
 
 def _rows(found: Switches) -> list[dict[str, object]]:

@@ -18,6 +18,7 @@ from rotortrack.motion.timed_steps import (
     switching,
     timed_steps,
 )
+from rotortrack.motion.tracks import used_tracks
 from rotortrack.motion.trigger import FrameClock
 from rotortrack.motion.voltage import VoltageSteps
 from rotortrack.tables import VOLTAGE_SPEEDS, conform
@@ -150,7 +151,8 @@ def voltage_speeds(
         Columns of `tables.VOLTAGE_SPEEDS`.
     """
     rows = []
-    for number, frame, theta in kept_angles(tracks, rotors):
+    for number, track in used_tracks(tracks, rotors).items():
+        frame, theta = track.frame, track.theta_rad
         if frame.size <= _FEWEST_STEPS:
             continue
         speeds, _ = speeds_at_steps(
@@ -197,20 +199,6 @@ def step_changes(speeds: pd.DataFrame) -> list[StepChange]:
         line = fit_line(*values, ratio=after_v / before_v)
         found.append(StepChange(step, before_v, after_v, line))
     return found
-
-
-def kept_angles(tracks: pd.DataFrame, rotors: pd.DataFrame) -> list[tuple[int, Integers, Floats]]:
-    """List number, frames and angles of each kept rotor that has any, by number."""
-    kept = rotors["verdict"] == "kept" if "verdict" in rotors else rotors["rotor"] >= 0
-    rows = tracks["rotor"].isin(set(rotors.loc[kept, "rotor"])) & tracks["theta_rad"].notna()
-    if "used" in tracks:
-        rows &= tracks["used"]
-    used = tracks.loc[rows, ["rotor", "frame", "theta_rad"]].sort_values(["rotor", "frame"])
-    rotor, frame = used["rotor"].to_numpy("int64"), used["frame"].to_numpy("int64")
-    theta = used["theta_rad"].to_numpy("float64")
-    numbers, starts = np.unique(rotor, return_index=True)
-    frames, angles = np.split(frame, starts[1:]), np.split(theta, starts[1:])
-    return list(zip(numbers.tolist(), frames, angles, strict=False))
 
 
 def _pace(frame: Integers, theta_rad: Floats, frame_interval_s: float) -> float:

@@ -50,7 +50,7 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
         "quality": {"max_uncertainty_nm": 50.0},
         "drift": {"method": "cross-correlation", "min_significance": 0.0},
         "density": {"radius_nm": 50.0, "min_neighbours": 15},
-        "motion": {"gap_mode": "drop"},
+        "motion": {"estimator": "paper", "gap_mode": "drop"},
     },
 }
 

@@ -142,6 +142,7 @@ def move(
 ) -> Moved:
     """Follow each rotor's angle from frame to frame; measure speed, diffusion and switches."""
     movie = settings["movie"]
+    workers = workers or parallel.default_workers()
     tracks = build_tracks(
         localisations,
         rotors,
@@ -154,7 +155,7 @@ def move(
         settings["motion"],
         frame_interval_s=movie.frame_interval_s,
         exposure_s=movie.exposure_s,
-        workers=workers or parallel.default_workers(),
+        workers=workers,
     )
     switches = switch_table(
         tracks,
@@ -162,6 +163,7 @@ def move(
         settings["motion"],
         frame_interval_s=movie.frame_interval_s,
         exposure_s=movie.exposure_s or movie.frame_interval_s,
+        workers=workers,
     )
     counts = switches["rotor"].value_counts()
     counted = measured.rotors.assign(

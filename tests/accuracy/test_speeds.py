@@ -12,12 +12,14 @@ import pytest
 from rotortrack.motion.angles import angle
 from rotortrack.motion.diffusion import estimate_diffusion
 from rotortrack.motion.increments import increments
-from rotortrack.motion.measure import Track, measure_rotor
+from rotortrack.motion.measure import measure_rotor
 from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.readings import Circle
 from rotortrack.motion.speed import estimate_speed
+from rotortrack.motion.tracks import Track
 
 FRAME_S = 0.002
+UNIT_CIRCLE = Circle(0.0, 0.0, 1.0)
 REPEATS = 200
 PARTS = 6
 
@@ -31,7 +33,7 @@ def positions(rng, path, sigma, missing):
     return seen(x, y, np.flatnonzero(rng.random(n) >= missing), sigma)
 
 
-def seen(x, y, frame, sigma, circle=Circle(0.0, 0.0, 1.0)):
+def seen(x, y, frame, sigma, circle=UNIT_CIRCLE):
     theta = angle(x, y, np.float64(circle.x_nm), np.float64(circle.y_nm))[frame]
     sd = np.full(frame.size, sigma)
     return Track(frame, theta, x[frame], y[frame], sd, sd, circle)

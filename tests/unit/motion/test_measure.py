@@ -6,8 +6,9 @@ import pytest
 
 from rotortrack import tables
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
-from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle, used_tracks
+from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle
 from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.tracks import used_tracks
 
 FRAME_S = 0.002
 MEASURED = ["omega_rad_s", "omega_sd_rad_s", "speed_deg_s", "speed_ci_low_deg_s", "rev_per_s"]
