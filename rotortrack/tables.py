@@ -192,6 +192,7 @@ SWITCHES = Schema(
         Column("reverses", "bool", "", "whether both speeds are sure and differ in sign"),
         Column("statistic", "float64", "", "twice the log-likelihood that the switch explains"),
         Column("threshold", "float64", "", "value that chance exceeds at the chosen rate"),
+        Column("residuals_p", "float64", "", "probability of residuals so uneven beside switches"),
     ),
 )
 

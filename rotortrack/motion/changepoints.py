@@ -7,20 +7,20 @@ statistics here are those of the exact covariance of the steps (`timed_steps`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.motion.diffusion import UNKNOWN, Diffusion
-from rotortrack.motion.increments import increments
-from rotortrack.motion.speed import estimate_speed
+from rotortrack.motion.residuals import UNTESTED, Whiteness, whiteness
 from rotortrack.motion.switch_scan import Scan
 from rotortrack.motion.switch_time import SwitchTime, place_switch
 from rotortrack.motion.timed_steps import (
     SegmentSpeeds,
     TimedSteps,
     fit_speeds,
+    mean_pace,
     noise_of,
     steady,
     switching,
@@ -53,6 +53,9 @@ class Switches:
         Signed speeds of the k + 1 segments; none where the threshold is nan.
     noise
         D and sigma^2 that all segments share.
+    white
+        Tests of what is left beside the switches: a rotor that sticks and slips seems to switch
+        all the time, but its residuals stay uneven.
     """
 
     times: tuple[SwitchTime, ...]
@@ -61,6 +64,7 @@ class Switches:
     largest: float
     speeds: SegmentSpeeds
     noise: Diffusion
+    white: Whiteness
 
     def __len__(self) -> int:
         return len(self.times)
@@ -121,9 +125,7 @@ def find_switches(
     times = {"frame_interval_s": frame_interval_s, "exposure_s": exposure_s}
     if frame.size <= _FEWEST_STEPS:
         return _nothing(UNKNOWN)
-    adjacent = increments(frame, theta_rad, "drop")
-    moves = adjacent if len(adjacent) else increments(frame, theta_rad, "bridge")
-    drift = steady(estimate_speed(moves, UNKNOWN, **times).omega_rad_s)
+    drift = steady(mean_pace(frame, theta_rad, frame_interval_s))
     placed: tuple[SwitchTime, ...] = ()
     threshold = np.nan
     for _ in range(_MOST_ROUNDS):
@@ -147,17 +149,28 @@ def find_switches(
             largest=scan.best_single(),
             speeds=fit_speeds(steps, _edges(placed)),
             noise=noise,
+            white=UNTESTED,
         )
         if placed == before:
             break
         drift = switching(found.edges_s, found.speeds.omega_rad_s)
-    return found
+    return replace(
+        found, white=_white(frame * np.float64(frame_interval_s), theta_rad, found, steps)
+    )
 
 
 def _nothing(noise: Diffusion) -> Switches:
     """Say that no switch could be looked for."""
     none = SegmentSpeeds(np.empty(0), np.empty((0, 0)), 0.0)
-    return Switches((), np.empty(0), np.nan, np.nan, none, noise)
+    return Switches((), np.empty(0), np.nan, np.nan, none, noise, UNTESTED)
+
+
+def _white(time_s: Floats, theta_rad: Floats, found: Switches, steps: TimedSteps) -> Whiteness:
+    drift = switching(found.edges_s, found.speeds.omega_rad_s)
+    turn = drift(steps.start_s, steps.stop_s)
+    # Each is the deviation from what all steps before tell, as is the direction it starts from.
+    left = steps.whitened(steps.step_rad - turn)
+    return whiteness(left, theta_rad[np.searchsorted(time_s, steps.start_s)])
 
 
 def _freedom(noise: Diffusion) -> float:

@@ -25,7 +25,7 @@ from rotortrack.motion.readings import (
     noise_prior,
     readings,
 )
-from rotortrack.motion.residuals import Whiteness, block_bootstrap, whiteness
+from rotortrack.motion.residuals import UNTESTED, Whiteness, block_bootstrap, whiteness
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -118,7 +118,7 @@ NOT_ESTIMATED = MotionEstimate(
     "none",
     Reason.TOO_FEW_FRAMES,
     math.nan,
-    Whiteness(math.nan, math.nan, math.nan, math.nan),
+    UNTESTED,
     0,
     resampled=False,
     posterior=None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -47,6 +48,9 @@ class Whiteness:
         return min(1.0, 4.0 * min(self.lag_p, self.slow_p, self.spread_p, self.angle_p))
 
 
+UNTESTED = Whiteness(math.nan, math.nan, math.nan, math.nan)
+
+
 def whiteness(deviation: Floats, ahead_rad: Floats) -> Whiteness:
     """Test the deviations of readings from their predictions by those before.
 
@@ -60,9 +64,9 @@ def whiteness(deviation: Floats, ahead_rad: Floats) -> Whiteness:
     Returns
     -------
     Whiteness
-        All ones for fewer than 100 readings.
+        All ones for fewer than 100 readings, and where all are alike.
     """
-    if deviation.size < _LEAST_READINGS:
+    if deviation.size < _LEAST_READINGS or not deviation.std() > 0.0:
         return Whiteness(1.0, 1.0, 1.0, 1.0)
     scores = (deviation - deviation.mean()) / deviation.std()
     power = np.abs(np.fft.rfft(scores)[1 : _SLOW_WAVES + 1]) ** 2 / scores.size

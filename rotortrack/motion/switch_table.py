@@ -90,6 +90,7 @@ def _rows(found: Switches) -> list[dict[str, object]]:
             "reverses": bool(found.reverses[k]),
             "statistic": found.statistic[k],
             "threshold": found.threshold,
+            "residuals_p": found.white.p,
         }
         for k, switch in enumerate(found.times)
     ]

@@ -156,6 +156,14 @@ def timed_steps(
     return TimedSteps(start_s[kept], stop_s[kept], step[kept], _factor(variance[kept], beside))
 
 
+def mean_pace(frame: Integers, theta_rad: Floats, frame_interval_s: float) -> float:
+    """Mean speed (rad/s) between the frames that lie closest together, as a start."""
+    apart = np.diff(frame)
+    closest = apart.min()
+    turn = np.exp(1j * np.diff(theta_rad)[apart == closest]).mean()
+    return float(np.angle(turn) / (closest * frame_interval_s))
+
+
 def noise_of(
     frame: Integers,
     theta_rad: Floats,

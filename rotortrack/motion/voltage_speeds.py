@@ -13,6 +13,7 @@ from rotortrack.motion.line_fit import LineFit, fit_line
 from rotortrack.motion.timed_steps import (
     SegmentSpeeds,
     fit_speeds,
+    mean_pace,
     noise_of,
     steady,
     switching,
@@ -111,7 +112,7 @@ def speeds_at_steps(
     unknown = SegmentSpeeds(
         np.full(chosen.size, np.nan), np.full((chosen.size, chosen.size), np.nan), 0.0
     )
-    drift = steady(_pace(frame, theta_rad, frame_interval_s))
+    drift = steady(mean_pace(frame, theta_rad, frame_interval_s))
     for _ in range(_ROUNDS):
         noise = noise_of(frame, theta_rad, drift, **times)
         if not np.isfinite(noise.cautious_rad2_s):
@@ -199,11 +200,3 @@ def step_changes(speeds: pd.DataFrame) -> list[StepChange]:
         line = fit_line(*values, ratio=after_v / before_v)
         found.append(StepChange(step, before_v, after_v, line))
     return found
-
-
-def _pace(frame: Integers, theta_rad: Floats, frame_interval_s: float) -> float:
-    """Mean speed between adjacent frames, or 0 where none adjoin."""
-    adjacent = np.diff(frame) == 1
-    if not adjacent.any():
-        return 0.0
-    return float(np.angle(np.exp(1j * np.diff(theta_rad)[adjacent]).mean()) / frame_interval_s)

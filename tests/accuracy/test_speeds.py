@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from rotortrack.motion.angles import angle
-from rotortrack.motion.diffusion import estimate_diffusion
+from rotortrack.motion.estimate import estimate_motion
 from rotortrack.motion.increments import increments
 from rotortrack.motion.measure import measure_rotor
 from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.readings import Circle
-from rotortrack.motion.speed import estimate_speed
 from rotortrack.motion.tracks import Track
 
 FRAME_S = 0.002
@@ -56,48 +55,37 @@ def measure(track, gap_mode="drop"):
     return measure_rotor(track, options, frame_interval_s=FRAME_S, exposure_s=FRAME_S)
 
 
-def estimate(track, gap_mode):
+def estimate(track):
     """Speed and diffusion alone, which take a quarter of the time of everything."""
-    times = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}
-    moves = increments(track.frame, track.theta_rad, gap_mode)
-    diffusion = estimate_diffusion(moves, **times)
-    return estimate_speed(moves, diffusion, **times), diffusion
+    seen_of = (track.frame, track.x_nm, track.y_nm, track.x_sd_nm, track.y_sd_nm, track.circle)
+    return estimate_motion(*seen_of, frame_interval_s=FRAME_S, exposure_s=FRAME_S).fit
 
 
-# (frames, omega, D, sigma over radius, part missing, gap mode)
+# (frames, omega, D, sigma over radius, part missing)
 CASES = [
-    (8000, 2.0, 0.2, 0.2, 0.0, "drop"),
-    (4000, 10.0, 2.0, 0.2, 0.0, "drop"),
-    (4000, 0.0, 2.0, 0.2, 0.2, "drop"),
-    (4000, -10.0, 2.0, 0.2, 0.2, "bridge"),
-    (1500, 100.0, 2.0, 0.2, 0.4, "drop"),
-    (1500, 100.0, 2.0, 0.2, 0.4, "bridge"),
-    (4000, -40.0, 20.0, 0.1, 0.4, "drop"),
-    (4000, -40.0, 20.0, 0.1, 0.4, "bridge"),
-    (3000, 100.0, 60.0, 0.2, 0.1, "drop"),
+    (8000, 2.0, 0.2, 0.2, 0.0),
+    (4000, 10.0, 2.0, 0.2, 0.0),
+    (4000, 0.0, 2.0, 0.2, 0.2),
+    (1500, 100.0, 2.0, 0.2, 0.4),
+    (4000, -40.0, 20.0, 0.1, 0.4),
+    (3000, 100.0, 60.0, 0.2, 0.1),
 ]
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_speeds_have_pulls_of_one_and_no_bias(case):
-    n, omega, diffusion, sigma, missing, gap_mode = case
+    n, omega, diffusion, sigma, missing = case
     rng = np.random.default_rng(20)
-    found = [
-        estimate(diffusing(rng, n, omega, diffusion, sigma, missing), gap_mode)
-        for _ in range(REPEATS)
-    ]
-    speeds = np.array([speed.omega_rad_s for speed, _ in found])
-    pulls = (speeds - omega) / [speed.omega_sd_rad_s for speed, _ in found]
+    found = [estimate(diffusing(rng, n, omega, diffusion, sigma, missing)) for _ in range(REPEATS)]
+    speeds = np.array([fit.omega_rad_s for fit in found])
+    pulls = (speeds - omega) / [fit.omega_sd_rad_s for fit in found]
     assert 0.85 < np.sqrt(np.mean(pulls**2)) < 1.15
-    inside = [low < omega < high for low, high in (speed.interval() for speed, _ in found)]
-    assert 0.90 <= np.mean(inside) <= 0.99
-    # Three standard errors, and 0.5 % for noise wide enough to reach half a turn.
-    allowed = 3.0 * speeds.std() / np.sqrt(REPEATS) + 0.005 * abs(omega)
-    assert abs(speeds.mean() - omega) < allowed
-    diffusions = np.array([known.diffusion_rad2_s for _, known in found])
-    # The median: in the noisiest cases a handful of tracks slip by a whole turn.
-    sd = 1.25 * diffusions.std() / np.sqrt(REPEATS)
-    assert abs(np.median(diffusions) - diffusion) < 3.0 * sd + 0.02 * diffusion
+    ends = (fit.omega_interval_rad_s for fit in found)
+    assert 0.90 <= np.mean([low < omega < high for low, high in ends]) <= 0.99
+    assert abs(speeds.mean() - omega) < 3.0 * speeds.std() / np.sqrt(REPEATS)
+    diffusions = np.array([fit.diffusion_rad2_s for fit in found])
+    allowed = 3.0 * diffusions.std() / np.sqrt(REPEATS) + 0.02 * diffusion
+    assert abs(diffusions.mean() - diffusion) < allowed
 
 
 def covariance_based(track):
@@ -110,7 +98,7 @@ def covariance_based(track):
 def test_diffusion_is_known_to_5_percent_where_the_covariance_based_estimator_has_17():
     rng = np.random.default_rng(21)
     tracks = [diffusing(rng, 8000, 0.0, 2.0, 0.2, 0.0) for _ in range(100)]
-    found = np.array([estimate(track, "drop")[1].diffusion_rad2_s for track in tracks])
+    found = np.array([estimate(track).diffusion_rad2_s for track in tracks])
     assert found.mean() == pytest.approx(2.0, rel=0.02)
     assert found.std() / 2.0 < 0.06
     assert 0.13 < np.std([covariance_based(track) for track in tracks]) / 2.0 < 0.22

@@ -156,3 +156,18 @@ def test_a_track_too_short_for_two_segments_has_no_switches(n):
 def test_a_motionless_noiseless_angle_never_switches():
     found = search(np.arange(2000), np.zeros(2000))
     assert len(found) == 0
+
+
+def test_what_is_left_beside_a_switch_is_even_but_not_beside_stick_and_slip(turning):
+    switching, slipping = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        pieces = [(2500, -1500.0), (2500, 1500.0)]
+        switching.append(search(*track(turning, rng, pieces, diffusion=10.0)))
+        dwell = np.repeat(rng.random(250) < 0.3, 20)
+        path = np.cumsum(dwell * 0.3 + rng.normal(0.0, 0.02, dwell.size))
+        theta = np.angle(np.exp(1j * (path + rng.normal(0.0, 0.1, path.size))))
+        slipping.append(search(np.arange(path.size), theta))
+    assert all(len(found) == 1 for found in switching)
+    assert min(found.white.p for found in switching) > 1e-3
+    assert max(found.white.p for found in slipping) < 1e-3
