@@ -25,6 +25,7 @@ UNIFORM_SHARE = 1e-4
 """Share of readings that are taken to come from anywhere, so that a false spot does no harm."""
 
 _NEGLIGIBLE = -24.0
+_BLOCK = 1024
 
 
 @kernel
@@ -212,6 +213,26 @@ def _midway(before: Floats, later: Floats, turns: Floats, whole: Floats, half: F
 
 
 @kernel
+def _readings_of(
+    k: int,
+    theta: Floats,
+    seen: NDArray[np.bool_],
+    concentration: Floats,
+    norm: Floats,
+    cosine: Floats,
+    sine: Floats,
+    whole: Floats,
+    half: Floats,
+) -> None:
+    """Write the density of a frame's reading, ones where it has none."""
+    if seen[k]:
+        _reading(theta[k], concentration[k], norm[k], cosine, sine, whole, half)
+    else:
+        whole[:] = 1.0
+        half[:] = 1.0
+
+
+@kernel
 def smooth_moments(
     theta: Floats,
     seen: NDArray[np.bool_],
@@ -242,27 +263,33 @@ def smooth_moments(
     whole, half = np.ones(3 * size), np.ones(3 * size)
     density = np.full(3 * size, 1.0 / size)
     after = np.empty(size)
-    kept = np.empty((frames, size), np.float32)
-    for k in range(frames):
-        kept[k] = density[size : 2 * size]
-        if seen[k]:
-            _reading(theta[k], concentration[k], norm[k], cosine, sine, whole, half)
-        else:
-            whole[:] = 1.0
-            half[:] = 1.0
-        _seen_step(density, after, turns, whole, half)
-        _normalise(after, density)
+    # Densities of all frames would fill the memory of a long movie: those of a block are kept, and
+    # of each block the first, from which the others are made again.
+    blocks = -(-frames // _BLOCK)
+    begun = np.empty((blocks, size))
+    kept = np.empty((min(_BLOCK, frames), size))
     later = np.full(3 * size, 1.0 / size)
     middle, between = np.empty(3 * size), np.empty(3 * size)
     moments = np.zeros((4, frames))
+    for k in range(frames):
+        if k % _BLOCK == 0:
+            begun[k // _BLOCK] = density[size : 2 * size]
+        _readings_of(k, theta, seen, concentration, norm, cosine, sine, whole, half)
+        _seen_step(density, after, turns, whole, half)
+        _normalise(after, density)
     for k in range(frames - 1, -1, -1):
-        density[size : 2 * size] = kept[k]
+        if k == frames - 1 or k % _BLOCK == _BLOCK - 1:
+            first = k // _BLOCK * _BLOCK
+            density[size : 2 * size] = begun[k // _BLOCK]
+            _repeat(density)
+            for earlier in range(first, k + 1):
+                kept[earlier - first] = density[size : 2 * size]
+                _readings_of(earlier, theta, seen, concentration, norm, cosine, sine, whole, half)
+                _seen_step(density, after, turns, whole, half)
+                _normalise(after, density)
+        density[size : 2 * size] = kept[k % _BLOCK]
         _repeat(density)
-        if seen[k]:
-            _reading(theta[k], concentration[k], norm[k], cosine, sine, whole, half)
-        else:
-            whole[:] = 1.0
-            half[:] = 1.0
+        _readings_of(k, theta, seen, concentration, norm, cosine, sine, whole, half)
         _midway(density, later, turns, middle, between)
         # Past and future may hardly overlap, so a weight is small beside the largest alone.
         largest = 0.0

@@ -48,9 +48,10 @@ def test_the_line_smoother_is_the_conditional_normal():
     np.testing.assert_allclose(second, np.exp(2j * (mean + drift) - 2 * variance), atol=5e-6)
 
 
-@pytest.mark.parametrize("missing", [0.0, 0.4])
-def test_circle_and_line_agree_where_noise_is_small(missing):
-    seen, timing, _ = track(np.random.default_rng(2), 200, 10.0, 3.0, 0.05, missing)
+# 2500 frames are smoothed in three blocks.
+@pytest.mark.parametrize(("frames", "missing"), [(200, 0.0), (200, 0.4), (2500, 0.2)])
+def test_circle_and_line_agree_where_noise_is_small(frames, missing):
+    seen, timing, _ = track(np.random.default_rng(2), frames, 10.0, 3.0, 0.05, missing)
     pace = Pace(10.0, 3.0, 1.0)
     strayed, _, _ = unwrap(seen, timing, pace)
     line = smooth_on_line(seen, timing, strayed, pace)
