@@ -133,7 +133,11 @@ class Scan:
                 float(np.minimum(np.exp(height - 0.5 * x) * np.sqrt(x), 1.0).mean()) - false_alarm
             )
 
-        return float(np.exp(optimize.brentq(excess, np.log(1.0), np.log(1e6))))
+        most = np.log(1e6)
+        if excess(most) > 0.0:
+            # So little is known of D that any statistic may be chance.
+            return np.inf
+        return float(np.exp(optimize.brentq(excess, np.log(1.0), most)))
 
     def _best_single(self, told: Floats) -> Floats:
         """Give the best statistic of a single switch, for each column of sums."""
