@@ -110,7 +110,7 @@ def angle_profile(
     every = np.ones(frame.size)
     occupancy, occupancy_sd = _ratio(when, at, every, None, bins)
     turned, turned_sd = _ratio(when[adjacent], middle, step, np.ones(step.size), bins)
-    centre: Floats = (np.arange(bins) + 0.5) * (2.0 * np.pi / bins) - np.pi
+    centre = np.asarray((np.arange(bins) + 0.5) * (2.0 * np.pi / bins) - np.pi, np.float64)
     return AngleProfile(
         angle_rad=centre,
         n_frames=np.bincount(at, minlength=bins),

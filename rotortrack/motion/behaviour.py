@@ -54,6 +54,7 @@ _ONE_PLACE = 0.7
 _LEAST_TOGGLES = 3
 _COHERENT = 4.0
 _LEAST_P = 1e-300
+_EVEN_P = 1e-3
 _FULL_TURN = 2.0 * np.pi
 
 
@@ -95,7 +96,8 @@ def classify(
     - stuck: neither drift nor diffusion at the upper end of its interval turn it so far.
     - confined: it moves, but stays at one place within less than a turn although diffusion at short
       times would have taken it farther (`CONFINED`): its mean-square displacement levels off.
-    - switching: speeds of opposite sign, each `SURE_Z` standard deviations from zero.
+    - switching: speeds of opposite sign, each `SURE_Z` standard deviations from zero, and even
+      residuals beside the switches.
     - brownian: no drift, diffusion that is more than zero, residuals and occupancy as they should.
 
     Parameters
@@ -188,7 +190,11 @@ def _reversal(told: _Told) -> tuple[float, str]:
         f"{before:.3g} to {after:.3g} rad/s, {sure[best]:.1f} sd each at least"
     )
     strength = float(found.statistic[best] / found.threshold)
-    return min(float(sure[best]) / SURE_Z, strength), evidence
+    margin = min(float(sure[best]) / SURE_Z, strength)
+    if found.white.p < _EVEN_P:
+        # Stick-slip seems to switch all the time.
+        return min(margin, 0.5), f"{evidence}, but uneven between them too"
+    return margin, evidence
 
 
 def _driven(told: _Told) -> Behaviour:

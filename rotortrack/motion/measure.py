@@ -15,7 +15,7 @@ from scipy import stats
 from rotortrack import parallel
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
 from rotortrack.motion.angles import GapMode, consecutive_steps, fitted_radius
-from rotortrack.motion.behaviour import Behaviour, classify
+from rotortrack.motion.behaviour import NOT_CLASSIFIED, Behaviour, classify
 from rotortrack.motion.blur import radius_factor
 from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_motion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
@@ -77,7 +77,7 @@ class Motion:
             method, reason = "paper", "asked_for"
             told = dict.fromkeys(told, _NAN)
         return {
-            "behaviour": self.behaviour,
+            "behaviour": self.behaviour.name,
             "omega_rad_s": omega,
             "speed_deg_s": omega * DEGREES_PER_RADIAN,
             "rev_per_s": omega / TURN_RAD,
@@ -103,7 +103,7 @@ NOT_MEASURED = Motion(
     estimate=NOT_ESTIMATED,
     steps=StepSizes(_NAN, _NAN, 0),
     msd_fit=MSDFit(_NAN, _NAN, _NAN, _NAN, _NAN, at_bound=False),
-    behaviour="unclassified",
+    behaviour=NOT_CLASSIFIED,
 )
 
 
@@ -190,7 +190,7 @@ def measure_motion(
     factors = [
         # Where the motion is not understood, neither is its blur.
         1.0
-        if one.behaviour == "unclassified"
+        if one.behaviour.name == "unclassified"
         else radius_factor(
             one.estimate.fit.omega_rad_s, one.estimate.fit.diffusion_rad2_s, exposure_s
         )
@@ -244,7 +244,15 @@ def measure_rotor(
         estimate=estimate,
         steps=steps,
         msd_fit=fit_msd(curve, frame_interval_s, lags=lags, noise=options.msd_noise),
-        behaviour=classify(estimate, steps, theta_rad, span * frame_interval_s, options),
+        behaviour=classify(
+            estimate,
+            steps,
+            frame,
+            theta_rad,
+            None,
+            frame_interval_s=frame_interval_s,
+            options=options,
+        ),
     )
 
 

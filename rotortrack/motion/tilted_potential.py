@@ -32,7 +32,7 @@ _SEEN = stats.chi2.isf(0.05, _FREEDOM)
 
 
 def _around(size: int) -> Floats:
-    return np.arange(size) * (2.0 * np.pi / size)
+    return np.asarray(np.arange(size) * (2.0 * np.pi / size), np.float64)
 
 
 def _waves(theta_rad: Floats) -> Floats:
@@ -223,7 +223,7 @@ def _drift(parameters: Floats) -> Floats:
 def _density(drift: Floats) -> Floats:
     """Stationary density on the grid, its sum one."""
     forward = (_SECOND + drift[:, np.newaxis] * _FIRST).T
-    density: Floats = np.linalg.solve(forward + 1.0, np.ones(_SIZE))
+    density: Floats = np.linalg.solve(forward + 1.0, np.ones(_SIZE)).astype(np.float64)
     return density
 
 
@@ -246,7 +246,7 @@ def _response(parameters: Floats) -> Floats:
 
 def _solve(observed: Floats) -> Floats | None:
     """Find the parameters that have these means."""
-    start = np.append(-2.0 * observed[:4], observed[4])
+    start: Floats = np.append(-2.0 * observed[:4], observed[4])
 
     def missing(at: Floats) -> Floats:
         return _expected(at) - observed

@@ -104,12 +104,13 @@ def test_msd_crosses_gaps_as_fast_as_the_rotor_turns(turning):
     assert row["msd_speed_deg_s"] == pytest.approx(np.rad2deg(600.0), rel=0.01)
 
 
-def test_bridging_gaps_that_hide_turns_is_warned_about_and_unclassified(turning):
+def test_bridging_gaps_that_hide_turns_is_warned_about(turning):
     rng = np.random.default_rng(11)
     track = tracks_table((1, *turning(rng, 4000, omega=600.0, diffusion=5.0, missing=0.35)))
     with pytest.warns(AngleWarning, match="use a shorter frame interval"):
         found = measure(track, rotors_table(1), gap_mode="bridge")
-    assert found["behaviour"].tolist() == ["unclassified"]
+    # The likelihood does not bridge gaps.
+    assert found["behaviour"].tolist() == ["driven_ccw"]
 
 
 def test_the_radius_is_left_alone_where_the_motion_is_not_understood():
@@ -121,13 +122,13 @@ def test_the_radius_is_left_alone_where_the_motion_is_not_understood():
     assert row["radius_nm"] == row["radius_fit_nm"] == 30.0
 
 
-def test_a_toggling_rotor_is_not_called_brownian():
+def test_a_toggling_rotor_is_called_so():
     rng = np.random.default_rng(12)
     for _ in range(10):
         pose = np.pi * (np.cumsum(rng.random(2000) < 0.01) % 2)
         theta = np.angle(np.exp(1j * (pose + rng.normal(0.0, 0.15, 2000))))
         found = measure(tracks_table((1, np.arange(2000), theta)), rotors_table(1))
-        assert found["behaviour"].tolist() == ["unclassified"]
+        assert found["behaviour"].tolist() == ["toggling"]
 
 
 def test_columns_and_types_are_those_of_the_schema(driven_and_stuck):
