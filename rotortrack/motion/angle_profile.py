@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rotortrack.motion.estimate import MotionEstimate
-from rotortrack.motion.occupancy import memory
 from rotortrack.motion.tilted_potential import NO_POTENTIAL, TiltedPotential, fit_potential
 
 Floats = NDArray[np.float64]
@@ -18,6 +18,9 @@ Integers = NDArray[np.int64]
 BINS = 24
 _BLOCKS = (40, 20, 10)
 _LEAST_FRAMES = 100
+_ROUNDS = 4
+_SETTLED = 0.03
+_DIFFUSED_RAD2 = 0.3
 
 
 @dataclass(frozen=True)
@@ -128,18 +131,47 @@ def _potential(
     fit = estimate.fit
     if not fit.diffusion_rad2_s > 0.0:
         return NO_POTENTIAL
-    diffusion = fit.diffusion_rad2_s
-    if estimate.resampled:
-        # Barriers lower the diffusion of long times, which is what the likelihood sees.
-        moving = theta_rad - fit.omega_rad_s * frame_interval_s * frame
-        diffusion = max(memory(frame, moving, 1, frame_interval_s).diffusion_rad2_s, diffusion)
-    return fit_potential(
-        theta_rad,
-        omega_rad_s=fit.omega_rad_s,
-        diffusion_rad2_s=diffusion,
-        noise_sd_rad=estimate.noise_sd_rad,
-        duration_s=float(frame[-1] - frame[0] + 1) * frame_interval_s,
-    )
+    diffusion, relative_sd = fit.diffusion_rad2_s, fit.diffusion_relative_sd
+    noise = estimate.noise_sd_rad**2
+    near = _coherence(frame, theta_rad, 1)
+    for _ in range(_ROUNDS if estimate.resampled else 1):
+        found = fit_potential(
+            theta_rad,
+            omega_rad_s=fit.omega_rad_s,
+            diffusion_rad2_s=diffusion,
+            noise_variance_rad2=noise,
+            duration_s=float(frame[-1] - frame[0] + 1) * frame_interval_s,
+            diffusion_relative_sd=min(relative_sd, 1.0),
+        )
+        if not estimate.resampled or not math.isfinite(found.tilt_kt_rad):
+            return found
+        # Where a potential holds the rotor, the likelihood's D is that of long times and motion in
+        # a well passes for noise. The loss of coherence in a few frames tells the D that acts; what
+        # is lost in the first of them beside it is noise.
+        pace = diffusion * frame_interval_s
+        lag = max(int(_DIFFUSED_RAD2 / pace) + 1, 3)
+        if lag >= frame[-1] - frame[0]:
+            return found
+        at_once, later = found.coherence(pace, lag)
+        seen, expected = _coherence(frame, theta_rad, lag) / near, later / at_once
+        if not (0.0 < seen < 1.0 and 0.0 < expected < 1.0):
+            return found
+        change = math.log(seen) / math.log(expected)
+        at_last = math.log(at_once / near)
+        if abs(change - 1.0) < _SETTLED and abs(at_last - noise) < _SETTLED * abs(noise):
+            return found
+        diffusion *= min(max(change, 0.2), 5.0)
+        noise = at_last
+        relative_sd = math.sqrt(2.0 * lag / frame.size)
+    return found
+
+
+def _coherence(frame: Integers, theta_rad: Floats, lag: int) -> float:
+    """|mean exp(i turn)| of all turns over so many frames."""
+    signal = np.zeros(int(frame[-1] - frame[0]) + 1, np.complex128)
+    signal[frame - frame[0]] = np.exp(1j * theta_rad)
+    pairs = int(np.count_nonzero((signal[lag:] != 0.0) & (signal[:-lag] != 0.0)))
+    return float(abs(np.vdot(signal[:-lag], signal[lag:]))) / max(pairs, 1)
 
 
 def _bin(theta_rad: Floats, bins: int) -> Integers:

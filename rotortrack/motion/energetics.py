@@ -23,7 +23,7 @@ PAPER_TEMPERATURE_K = 300.0
 BOLTZMANN_PN_NM_K = constants.k * 1e21
 
 _Z = 1.959963984540054
-_NODES = np.linspace(-6.0, 6.0, 1201)
+_NODES = np.linspace(-6.0, 6.0, 601)
 _WEIGHTS = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
 
 Interval = tuple[float, float]

@@ -71,6 +71,8 @@ def memory(frame: Integers, theta_rad: Floats, order: int, frame_interval_s: flo
     """
     row = frame - frame[0]
     span = int(row[-1]) + 1
+    if span < 2:
+        return Memory(order, math.nan, math.nan, math.nan)
     turns = np.exp(1j * order * theta_rad)
     plateau = float(abs(turns.mean()) ** 2)
     longest = max(span // 4, 1)
