@@ -176,7 +176,7 @@ def _white(time_s: Floats, theta_rad: Floats, found: Switches, steps: TimedSteps
 def _freedom(noise: Diffusion) -> float:
     """Degrees of freedom of D, which is the variance of long displacements."""
     variance = noise.diffusion_sd_rad2_s**2
-    return 2.0 * noise.cautious_rad2_s**2 / variance if variance > 0.0 else np.inf
+    return max(2.0 * noise.cautious_rad2_s**2 / variance, 1.0) if variance > 0.0 else np.inf
 
 
 def _edges(placed: tuple[SwitchTime, ...]) -> Floats:

@@ -171,3 +171,15 @@ def test_what_is_left_beside_a_switch_is_even_but_not_beside_stick_and_slip(turn
     assert all(len(found) == 1 for found in switching)
     assert min(found.white.p for found in switching) > 1e-3
     assert max(found.white.p for found in slipping) < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stuck_rotor_has_no_switches(seed):
+    # Its D is next to nothing and hardly known, nor are then its degrees of freedom.
+    frame = np.arange(2000)
+    theta = np.random.default_rng([seed, 30]).normal(0.0, 0.2, 2000)
+    for false_alarm in (0.01, 1e-6):
+        found = find_switches(
+            frame, theta, frame_interval_s=0.002, exposure_s=0.002, false_alarm=false_alarm
+        )
+        assert len(found) == 0
