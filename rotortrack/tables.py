@@ -102,7 +102,10 @@ ROTORS = Schema(
         Column("n_localisations", "int64", "", "frames with a localisation"),
         Column("verdict", "str", "", "kept or refused"),
         Column("reason", "str", "", "why it was refused, empty when kept"),
-        Column("behaviour", "str", "", "driven_ccw, driven_cw, brownian, stuck, unclassified"),
+        Column("behaviour", "str", "", "what it does, as `motion.behaviour` names it"),
+        Column("behaviour_evidence", "str", "", "why it is called so"),
+        Column("behaviour_margin", "float64", "", "feature over threshold, above 1 where named"),
+        Column("paper_class", "str", "", "fast, slow, between or none, by msd_speed_deg_s"),
         Column("omega_rad_s", "float64", "rad/s", "signed angular speed"),
         Column("omega_sd_rad_s", "float64", "rad/s", "its standard deviation"),
         Column("speed_deg_s", "float64", "deg/s", "signed angular speed"),
@@ -121,6 +124,21 @@ ROTORS = Schema(
         Column("residuals_p", "float64", "", "probability of residuals so uneven in the model"),
         Column("resampled", "bool", "", "whether intervals come from the block bootstrap"),
         Column("n_switches", "int64", "", "switches of speed"),
+        Column("torque_pn_nm", "float64", "pN nm", "kT omega / D of driven and Brownian rotors"),
+        Column("torque_sd_pn_nm", "float64", "pN nm", "its standard deviation"),
+        Column("torque_ci_low_pn_nm", "float64", "pN nm", "lower end of its 95 % interval"),
+        Column("torque_ci_high_pn_nm", "float64", "pN nm", "upper end of its 95 % interval"),
+        Column("power_pn_nm_s", "float64", "pN nm/s", "kT omega^2 / D of these"),
+        Column("power_ci_low_pn_nm_s", "float64", "pN nm/s", "lower end of its 95 % interval"),
+        Column("power_ci_high_pn_nm_s", "float64", "pN nm/s", "upper end of its 95 % interval"),
+        Column("friction_pn_nm_s", "float64", "pN nm s", "kT / D of these"),
+        Column("friction_ci_low_pn_nm_s", "float64", "pN nm s", "lower end of its 95 % interval"),
+        Column("friction_ci_high_pn_nm_s", "float64", "pN nm s", "upper end of its 95 % interval"),
+        Column("barrier_kt", "float64", "kT", "height of the potential that pins it"),
+        Column("barrier_ci_low_kt", "float64", "kT", "lower end of its 95 % interval"),
+        Column("barrier_ci_high_kt", "float64", "kT", "upper end of its 95 % interval"),
+        Column("preferred_rad", "float64", "rad", "angle at which that potential is lowest"),
+        Column("pinning_p", "float64", "", "probability of such preferences without potential"),
         Column("msd_speed_deg_s", "float64", "deg/s", "unsigned speed v of v^2 t^2 + 2 D t"),
         Column("msd_diffusion_rad2_s", "float64", "rad^2/s", "D of v^2 t^2 + 2 D t"),
         Column("msd_lag_min_s", "float64", "s", "first lag of that fit"),
@@ -150,6 +168,20 @@ POSTERIOR = Schema(
     ),
 )
 """Averages over the exposure; never fed back into circles or distances."""
+
+PROFILES = Schema(
+    "profiles",
+    (
+        Column("rotor", "int64", "", "rotor number", required=True),
+        Column("bin", "int64", "", "number of the bin, from 0", required=True),
+        Column("angle_rad", "float64", "rad", "centre of the bin", required=True),
+        Column("n_frames", "int64", "", "frames in it"),
+        Column("occupancy", "float64", "", "share of the frames in it"),
+        Column("occupancy_sd", "float64", "", "its standard deviation"),
+        Column("omega_rad_s", "float64", "rad/s", "mean speed there"),
+        Column("omega_sd_rad_s", "float64", "rad/s", "its standard deviation"),
+    ),
+)
 
 DRIFT = Schema(
     "drift",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ _LEAST_FRAMES = 100
 _ROUNDS = 4
 _SETTLED = 0.03
 _DIFFUSED_RAD2 = 0.3
+_FASTEST_WELL = 0.3
 
 
 @dataclass(frozen=True)
@@ -121,8 +122,19 @@ def angle_profile(
         occupancy_sd=occupancy_sd,
         omega_rad_s=turned / frame_interval_s,
         omega_sd_rad_s=turned_sd / frame_interval_s,
-        potential=_potential(estimate, frame, theta_rad, frame_interval_s),
+        potential=_resolved(
+            _potential(estimate, frame, theta_rad, frame_interval_s),
+            estimate.fit.diffusion_rad2_s * frame_interval_s,
+        ),
     )
+
+
+def _resolved(potential: TiltedPotential, diffused_rad2: float) -> TiltedPotential:
+    """Leave out the height of wells that a rotor forgets within three frames: it reads too high."""
+    if not diffused_rad2 * potential.stiffness_kt_rad2 > _FASTEST_WELL:
+        return potential
+    unknown = (math.nan, math.nan)
+    return replace(potential, barrier_kt=math.nan, barrier_interval_kt=unknown)
 
 
 def _potential(

@@ -14,15 +14,21 @@ from scipy import stats
 
 from rotortrack import parallel
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
+from rotortrack.motion.angle_profile import AngleProfile, angle_profile
 from rotortrack.motion.angles import GapMode, consecutive_steps, fitted_radius
 from rotortrack.motion.behaviour import NOT_CLASSIFIED, Behaviour, classify
 from rotortrack.motion.blur import radius_factor
+from rotortrack.motion.changepoints import Switches, find_switches
+from rotortrack.motion.energetics import UNKNOWN_ENERGETICS, Energetics, energetics
 from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_motion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.population import paper_class
+from rotortrack.motion.switch_table import switch_table
+from rotortrack.motion.tilted_potential import NO_POTENTIAL, TiltedPotential
 from rotortrack.motion.tracks import Track, used_tracks
-from rotortrack.tables import POSTERIOR, ROTORS, conform
+from rotortrack.tables import POSTERIOR, PROFILES, ROTORS, conform, empty
 from rotortrack.units import DEGREES_PER_RADIAN, TURN_RAD
 
 Floats = NDArray[np.float64]
@@ -30,22 +36,24 @@ Integers = NDArray[np.int64]
 
 _NAN = float("nan")
 _NAMED_IN_WARNING = 10
+_TURNING_FREELY = ("driven_ccw", "driven_cw", "brownian")
+"""Behaviours whose D is that of free diffusion about one speed, as torque and friction need."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Rotors with their motion, and where each measured one was in every frame.
+    """Rotors with their motion, and what belongs to single switches, frames and angles.
 
     Attributes
     ----------
-    rotors
-        Columns of `tables.ROTORS`.
-    posterior
-        Columns of `tables.POSTERIOR`.
+    rotors, switches, posterior, profiles
+        Columns of `tables.ROTORS`, `tables.SWITCHES`, `tables.POSTERIOR` and `tables.PROFILES`.
     """
 
     rotors: pd.DataFrame
+    switches: pd.DataFrame
     posterior: pd.DataFrame
+    profiles: pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,10 @@ class Motion:
     estimate: MotionEstimate
     steps: StepSizes
     msd_fit: MSDFit
+    switches: Switches | None
     behaviour: Behaviour
+    energetics: Energetics
+    profile: AngleProfile | None
 
     def row(self, estimator: str = "auto") -> dict[str, object]:
         """Motion columns of `tables.ROTORS`."""
@@ -78,6 +89,9 @@ class Motion:
             told = dict.fromkeys(told, _NAN)
         return {
             "behaviour": self.behaviour.name,
+            "behaviour_evidence": self.behaviour.evidence,
+            "behaviour_margin": self.behaviour.margin,
+            "paper_class": paper_class(self.msd_fit.speed_rad_s * DEGREES_PER_RADIAN),
             "omega_rad_s": omega,
             "speed_deg_s": omega * DEGREES_PER_RADIAN,
             "rev_per_s": omega / TURN_RAD,
@@ -89,6 +103,9 @@ class Motion:
             "speed_reason": reason,
             "residuals_p": self.estimate.white.p,
             "resampled": self.estimate.resampled,
+            "n_switches": 0 if self.switches is None else len(self.switches),
+            **self.energetics.row(),
+            **_potential_row(NO_POTENTIAL if self.profile is None else self.profile.potential),
             "msd_speed_deg_s": self.msd_fit.speed_rad_s * DEGREES_PER_RADIAN,
             "msd_diffusion_rad2_s": self.msd_fit.diffusion_rad2_s,
             "msd_lag_min_s": self.msd_fit.lag_min_s,
@@ -103,7 +120,10 @@ NOT_MEASURED = Motion(
     estimate=NOT_ESTIMATED,
     steps=StepSizes(_NAN, _NAN, 0),
     msd_fit=MSDFit(_NAN, _NAN, _NAN, _NAN, _NAN, at_bound=False),
+    switches=None,
     behaviour=NOT_CLASSIFIED,
+    energetics=UNKNOWN_ENERGETICS,
+    profile=None,
 )
 
 
@@ -198,8 +218,13 @@ def measure_motion(
     ]
     others = others.assign(radius_fit_nm=fitted, radius_nm=fitted / np.array(factors))
     return Measured(
-        conform(pd.concat([others, motion], axis=1), ROTORS, "rotors"),
-        _posterior_table(seen, found),
+        rotors=conform(pd.concat([others, motion], axis=1), ROTORS, "rotors"),
+        switches=switch_table(
+            {number: one.switches for number, one in found.items() if one.switches is not None},
+            frame_interval_s=frame_interval_s,
+        ),
+        posterior=_posterior_table(seen, found),
+        profiles=_profiles_table(found),
     )
 
 
@@ -240,19 +265,37 @@ def measure_rotor(
     span = int(frame[-1] - frame[0])
     lags = options.msd_lags or max(span // 4, 2)
     curve = msd(unbroken_angle(frame, theta_rad, options.gap_mode), lags)
+    # What passes for a switch where steps outgrow the 180-degree rule may be a turn that was lost.
+    switches = None
+    if not steps.folded:
+        switches = find_switches(
+            frame,
+            theta_rad,
+            frame_interval_s=frame_interval_s,
+            exposure_s=exposure_s,
+            min_segment_s=options.switch_min_s,
+            false_alarm=options.switch_false_alarm,
+        )
+    behaviour = classify(
+        estimate,
+        steps,
+        frame,
+        theta_rad,
+        switches,
+        frame_interval_s=frame_interval_s,
+        options=options,
+    )
+    free = behaviour.name in _TURNING_FREELY
     return Motion(
         estimate=estimate,
         steps=steps,
         msd_fit=fit_msd(curve, frame_interval_s, lags=lags, noise=options.msd_noise),
-        behaviour=classify(
-            estimate,
-            steps,
-            frame,
-            theta_rad,
-            None,
-            frame_interval_s=frame_interval_s,
-            options=options,
+        switches=switches,
+        behaviour=behaviour,
+        energetics=(
+            energetics(estimate.fit, options.temperature_k) if free else UNKNOWN_ENERGETICS
         ),
+        profile=angle_profile(estimate, frame, theta_rad, frame_interval_s=frame_interval_s),
     )
 
 
@@ -307,3 +350,20 @@ def _posterior_table(seen: dict[int, Track], found: dict[int, Motion]) -> pd.Dat
         for name in names
     }
     return conform(pd.DataFrame(joined, columns=names), POSTERIOR, "posterior")
+
+
+def _profiles_table(found: dict[int, Motion]) -> pd.DataFrame:
+    parts = [one.profile.table(number) for number, one in found.items() if one.profile is not None]
+    joined = pd.concat(parts, ignore_index=True) if parts else empty(PROFILES)
+    return conform(joined, PROFILES, "profiles")
+
+
+def _potential_row(potential: TiltedPotential) -> dict[str, float]:
+    low, high = potential.barrier_interval_kt
+    return {
+        "barrier_kt": potential.barrier_kt,
+        "barrier_ci_low_kt": low,
+        "barrier_ci_high_kt": high,
+        "preferred_rad": potential.preferred_rad,
+        "pinning_p": potential.p,
+    }

@@ -27,10 +27,13 @@ class MotionOptions(Options):
         False, "fit the constant 2 sigma^2 of localisation noise to the MSD as well"
     )
     driven_z: float = option(
-        3.5, "standard deviations by which the speed of a driven rotor differs from zero", gt=0
+        3.0, "standard deviations by which the speed of a driven rotor differs from zero", gt=0
     )
     stuck_turn_deg: float = option(
         30.0, "a rotor that neither drifts nor diffuses this far in the movie is stuck", ge=0
+    )
+    temperature_k: float = option(
+        300.0, "absolute temperature that turns speed and diffusion into torque and power, K", gt=0
     )
     min_steps: int = option(20, "rotors with fewer steps stay unclassified", ge=2)
     switch_min_s: float = option(

@@ -93,6 +93,11 @@ class TiltedPotential:
         values: Floats = self.coefficients_kt @ _waves(theta_rad)
         return values
 
+    @property
+    def stiffness_kt_rad2(self) -> float:
+        """Largest curvature of u, kT per rad^2: a rotor forgets in ``1 / (D stiffness)``."""
+        return float(np.max(-(_ORDERS**2 * self.coefficients_kt) @ _WAVES))
+
     def density(self, theta_rad: Floats) -> Floats:
         """Evaluate the stationary density at angles, 1/rad."""
         on_grid = _density(_drift(np.append(self.coefficients_kt, self.tilt_kt_rad)))

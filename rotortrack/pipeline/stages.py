@@ -22,10 +22,8 @@ from rotortrack.corrections.quality import passes_quality
 from rotortrack.motion.angles import build_tracks
 from rotortrack.motion.measure import measure_motion
 from rotortrack.motion.screen import screen
-from rotortrack.motion.switch_table import switch_table
 from rotortrack.rotors.find import find_rotors
 from rotortrack.settings import Settings
-from rotortrack.tables import ROTORS, conform
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,12 +65,13 @@ class Found:
 
 @dataclass(frozen=True)
 class Moved:
-    """Tracks of the rotors, the rotors with their motion, their switches and every frame."""
+    """Tracks of the rotors, and the tables of `measure.Measured`."""
 
     tracks: pd.DataFrame
     rotors: pd.DataFrame
     switches: pd.DataFrame
     posterior: pd.DataFrame
+    profiles: pd.DataFrame
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -157,16 +156,4 @@ def move(
         exposure_s=movie.exposure_s,
         workers=workers,
     )
-    switches = switch_table(
-        tracks,
-        measured.rotors,
-        settings["motion"],
-        frame_interval_s=movie.frame_interval_s,
-        exposure_s=movie.exposure_s or movie.frame_interval_s,
-        workers=workers,
-    )
-    counts = switches["rotor"].value_counts()
-    counted = measured.rotors.assign(
-        n_switches=measured.rotors["rotor"].map(counts).fillna(0).astype("int64")
-    )
-    return Moved(tracks, conform(counted, ROTORS, "rotors"), switches, measured.posterior)
+    return Moved(tracks, **vars(measured))

@@ -34,6 +34,7 @@ from rotortrack.tables import (
     DRIFT,
     LOCALISATIONS,
     POSTERIOR,
+    PROFILES,
     ROTORS,
     SWITCHES,
     TRACKS,
@@ -395,7 +396,7 @@ _SCHEMAS: dict[str, Schema] = {
     schema.name: schema
     for schema in (
         *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
-        *(POSTERIOR, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
+        *(POSTERIOR, PROFILES, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
     )
 }
 _SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name)

@@ -71,7 +71,14 @@ def test_run_writes_everything_that_the_readme_lists(run_folder):
     assert names == {
         *("rotors.csv", "rotors.parquet", "tracks.parquet", "localisations.parquet"),
         *("drift.csv", "decisions.parquet", "figures", "run.json", "config.resolved.toml"),
-        *("parts", "log.jsonl", "posterior.parquet", "switches.parquet", "switches.csv"),
+        *(
+            "parts",
+            "log.jsonl",
+            "posterior.parquet",
+            "profiles.parquet",
+            "switches.parquet",
+            "switches.csv",
+        ),
     }
     figures = {path.name for path in (run_folder / "figures").iterdir()}
     assert {"field.png", "speeds.png", "cumulative_angles.png", "msds.png", "drift.png"} < figures

@@ -104,3 +104,12 @@ def test_too_few_frames_have_no_profile():
     rotor = filmed(rng, free(rng, 900, 5.0, 20.0), 0.2, 0.0, 1.0, 20.0, 5.0)
     assert profile(rotor) is None
     assert replace(NOT_ESTIMATED).posterior is None
+
+
+def test_the_height_of_wells_that_are_forgotten_within_frames_is_not_told():
+    rng = np.random.default_rng(9)
+    path = washboard(rng, 40_000, 40.0, 0.0, (0.0, 2.0))
+    found = profile(rotor := filmed(rng, path, 0.1, 0.0, 1.0, 0.0, 40.0), measured(rotor))
+    assert found.potential.p < 1e-3
+    assert np.isnan(found.potential.barrier_kt)
+    assert np.isnan(found.potential.barrier_interval_kt).all()

@@ -2,8 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.changepoints import find_switches
 from rotortrack.motion.switch_table import switch_table
+from rotortrack.motion.tracks import used_tracks
 from rotortrack.motion.trigger import FrameClock
 from rotortrack.motion.voltage import VoltageSteps
 from rotortrack.motion.voltage_speeds import (
@@ -98,13 +99,17 @@ def test_empty_tables_give_empty_tables(ends_s):
     table = voltage_speeds(tracks, rotors, STEPS, ends_s, **TIMES)
     assert len(table) == 0
     assert step_changes(table) == []
-    switches = switch_table(tracks, rotors, MotionOptions(), **TIMES)
+    switches = switch_table({}, frame_interval_s=FRAME_S)
     assert switches.columns.tolist() == SWITCHES.names
 
 
 def test_the_table_of_switches_names_rotor_time_and_speeds(turning):
     tracks, rotors = tables(turning, [(30.0, -30.0), (20.0, 20.0)])
-    table = switch_table(tracks, rotors, MotionOptions(), **TIMES)
+    found = {
+        number: find_switches(track.frame, track.theta_rad, **TIMES)
+        for number, track in used_tracks(tracks, rotors).items()
+    }
+    table = switch_table(found, frame_interval_s=FRAME_S)
     assert table["rotor"].tolist() == [0]
     row = table.iloc[0]
     assert row["time_s"] == pytest.approx(SWITCH_S, abs=0.15)
