@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +43,7 @@ def link(
 ) -> Links:
     """Link spots into particles so that the squares of all steps add to the least sum.
 
-    Where too many spots lie within each other's range, trackpy's search is repeated with a range
-    that shrinks there down to a tenth.
+    Where more than 15 spots lie within each other's range, it shrinks there, down to a tenth.
 
     Parameters
     ----------
@@ -75,19 +75,13 @@ def link(
     order = np.lexsort((x_nm, y_nm, frame))
     levels = _Levels(frame[order], np.stack([y_nm, x_nm], axis=1)[order], memory_frames)
     with _quiet_trackpy() as trackpy:
-        adaptive = False
         try:
-            numbers = _run(trackpy, levels, search_range_nm, memory_frames, None)
-        except trackpy.SubnetOversizeException:
-            adaptive = True
-            stop = _ADAPTIVE_STOP * search_range_nm
-            try:
-                numbers = _run(trackpy, levels, search_range_nm, memory_frames, stop)
-            except trackpy.SubnetOversizeException as error:
-                raise InputError(
-                    f"spots are too dense to be linked over {search_range_nm:g} nm: give a smaller "
-                    "--search-range-nm, or keep fewer spots"
-                ) from error
+            numbers, adaptive = _run(trackpy, levels, search_range_nm, memory_frames)
+        except trackpy.SubnetOversizeException as error:
+            raise InputError(
+                f"spots are too dense to be linked over {search_range_nm:g} nm: give a smaller "
+                "--search-range-nm, or keep fewer spots"
+            ) from error
     if adaptive:
         warnings.warn(
             f"where spots crowd, particles were followed less far than {search_range_nm:g} nm, "
@@ -121,27 +115,36 @@ class _Levels:
 
 
 def _run(
-    trackpy: ModuleType,
-    levels: _Levels,
-    search_range: float,
-    memory: int,
-    adaptive_stop: float | None,
-) -> Integers:
-    """Give the spots' particles, numbered in order of first appearance."""
+    trackpy: ModuleType, levels: _Levels, search_range: float, memory: int
+) -> tuple[Integers, bool]:
+    """Give the spots' particles, numbered in order of first appearance, and whether any crowded."""
+    from trackpy.linking.subnetlinker import subnet_linker_recursive
+
+    crowded = False
+
+    def solve(*args: Any, **kwargs: Any) -> Any:
+        nonlocal crowded
+        try:
+            return subnet_linker_recursive(*args, **kwargs)
+        except trackpy.SubnetOversizeException:
+            crowded = True
+            raise
+
     found = trackpy.link_iter(
         iter(levels),
         search_range,
         memory=memory,
-        adaptive_stop=adaptive_stop,
+        # Without it trackpy tries groups of up to 30 spots, which may take minutes each.
+        adaptive_stop=_ADAPTIVE_STOP * search_range,
         adaptive_step=_ADAPTIVE_STEP,
-        link_strategy="recursive",
+        link_strategy=solve,
     )
     numbers = np.concatenate([np.asarray(ids, np.int64) for _, ids in found])
     _, first, place = np.unique(numbers, return_index=True, return_inverse=True)
     rank = np.empty(first.size, np.int64)
     rank[np.argsort(first)] = np.arange(first.size)
     ranked: Integers = rank[place]
-    return ranked
+    return ranked, crowded
 
 
 @contextlib.contextmanager

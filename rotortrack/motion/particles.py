@@ -114,10 +114,8 @@ def track_particles(
     tracks = conform(tracks[[n for n in PARTICLE_TRACKS.names if n in tracks]], PARTICLE_TRACKS, "")
     timing = Timing(frame_interval_s, exposure_s)
     starts = np.flatnonzero(np.diff(tracks["particle"].to_numpy(), prepend=-1))
-    parts = [
-        _track(tracks.iloc[start:stop])
-        for start, stop in zip(starts, np.append(starts[1:], len(tracks)), strict=True)
-    ]
+    stops = [*starts[1:], len(tracks)] if len(tracks) else []
+    parts = [_track(tracks.iloc[start:stop]) for start, stop in zip(starts, stops, strict=True)]
     rows = [{"particle": k, **_measure(part, timing)} for k, part in enumerate(parts)]
     table = pd.DataFrame(rows, columns=PARTICLES.names)
     if len(table):

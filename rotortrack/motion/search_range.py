@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-MOST_CHANCE = 1.0
+MOST_CHANCE = 0.5
 """Strange spots within the search range, on average, above which it is cut."""
 
 _FRAME_PAIRS = 2000
@@ -135,7 +135,7 @@ def _distances(frame: Integers, place: Floats) -> tuple[Floats, Floats]:
     numbers, starts = np.unique(frame[order], return_index=True)
     ends = np.append(starts[1:], frame.size)
     pairs = np.flatnonzero(np.diff(numbers) == 1)
-    pairs = pairs[np.unique(np.linspace(0, pairs.size - 1, _FRAME_PAIRS).astype(int))]
+    pairs = pairs[:: -(-pairs.size // _FRAME_PAIRS) or 1]
     onwards: list[Floats] = [np.empty(0)]
     within: list[Floats] = [np.empty(0)]
     for k in pairs:

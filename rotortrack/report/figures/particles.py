@@ -228,4 +228,5 @@ def _draw_histogram(axes: Axes, particles: pd.DataFrame, whole: Ensemble) -> Non
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     still = int(np.count_nonzero(~(values > 0.0)))
     axes.set_title(f"each particle; {still} with D = 0" if still else "each particle")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.02, 0.97), ncols=2, columnspacing=1.2)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.02, 0.97), ncols=2, columnspacing=1.2)

@@ -118,10 +118,9 @@ def resolved(rotors: pd.DataFrame, driven_z: float) -> Figure:
         axes.errorbar(
             x[of],
             shown[of],
-            yerr=np.stack([np.minimum(sd[of], 0.99 * shown[of]), y[of] + sd[of] - shown[of]]).clip(
+            yerr=np.stack([np.minimum(sd[of], shown[of] - foot), y[of] + sd[of] - shown[of]]).clip(
                 0
             ),
-            clip_on=False,
             fmt=look.marker,
             color=look.colour,
             lw=0.8,
