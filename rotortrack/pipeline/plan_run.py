@@ -103,8 +103,7 @@ def plan_from_options(layers: list[Layer]) -> MoviePlan:
 def plan_of_run(path: Path, layers: list[Layer]) -> RunPlan:
     """Say what the movie of a run resolves, rotor by rotor; nothing is written.
 
-    Given `plan.frames` or `plan.duration_s` it is for a movie of that length, given
-    `plan.detection` for that part of frames.
+    Given `plan.frames` or `plan.duration_s` it is for a movie of that length of the same rotors.
 
     Raises
     ------

@@ -34,6 +34,9 @@ SECTIONS: dict[str, type[Options]] = {
 }
 """Option class of each section, in the order of the workflow; those beside it come last."""
 
+WORKFLOW = tuple(section for section in SECTIONS if section not in ("link", "plan"))
+"""Sections that a run depends on; its record names no others."""
+
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     "paper": {
         "localise": {
