@@ -24,8 +24,11 @@ _STRIDE = 0.2
 _LEAST_SQUARES = 1e-12
 _NEWTON_STEPS = 5
 
-GIVEN_NOISE = 0.7
-"""How far the logarithm of the noise variance may lie from that of the fits' own errors."""
+GIVEN_NOISE = 1.0
+"""Standard deviation of the logarithm of the noise variance about that of the fits' own errors.
+
+So wide that intervals hold where those are wrong by a factor of two.
+"""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,13 @@ def fit_free_particle(
     extra = timing.step_variance(1.0) / 4.0 + timing.deviation_variance(1.0)
     axes = [
         whitened_sums(
-            place - place[0], time, apart, noise, timing.step_variance(1.0) * ratio, extra * ratio
+            place - place[0],
+            time,
+            apart,
+            # One layout of memory for all callers, so that the kernel is compiled once.
+            np.ascontiguousarray(noise),
+            timing.step_variance(1.0) * ratio,
+            extra * ratio,
         )
         for place, noise in ((x_nm, x_noise_nm2), (y_nm, y_noise_nm2))
     ]

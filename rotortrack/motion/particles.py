@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 
 NM2_PER_UM2 = 1e6
 _MUCH_CONFUSED = 0.1
+_FARTHEST_NM = 1e12
+_LEAST_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,13 @@ def _spots(localisations: pd.DataFrame) -> pd.DataFrame:
         known = localisations["uncertainty_nm"].to_numpy(np.float64)
         localisations = localisations.assign(x_sd_nm=known, y_sd_nm=known)
         names += ["x_sd_nm", "y_sd_nm"]
-    placed = np.isfinite(localisations[["x_nm", "y_nm"]].to_numpy(np.float64)).all(axis=1)
+    places = localisations[["x_nm", "y_nm"]].to_numpy(np.float64)
+    placed = np.isfinite(places).all(axis=1)
+    if np.abs(places[placed]).max(initial=0.0) > _FARTHEST_NM:
+        raise InputError(
+            f"a position of the table lies {np.abs(places[placed]).max():.3g} nm away, which no "
+            "microscope sees: export the table again with positions in nm"
+        )
     spots: pd.DataFrame = localisations.loc[placed, names]
     return spots
 
@@ -177,7 +185,9 @@ def _track(rows: pd.DataFrame) -> Track:
     known = np.isfinite(sd) & (sd > 0.0)
     if not known.any():
         return Track(frame, place, None)
-    return Track(frame, place, np.where(known, sd, np.median(sd[known])))
+    # An error far below the steps tells nothing more, and squares of it would underflow.
+    least = _LEAST_ERROR * math.sqrt(float(np.mean(np.diff(place, axis=0) ** 2)))
+    return Track(frame, place, np.maximum(np.where(known, sd, np.median(sd[known])), least))
 
 
 def _measure(track: Track, timing: Timing) -> dict[str, float]:

@@ -88,6 +88,8 @@ def choose_search_range(
         return None
     area = float(np.ptp(x_nm) * np.ptp(y_nm))
     density = 1.0 / area if area > 0.0 else 0.0
+    # Spots that lie on each other are one spot twice.
+    within = within[within > 0.0]
     if within.size >= _LEAST_DISTANCES:
         density = max(density, math.log(2.0) / (math.pi * float(np.median(within)) ** 2))
     smallest = float(np.quantile(onwards, 0.05)) / 3.0

@@ -138,7 +138,7 @@ def _draw_msds(axes: Axes, parts: list[Track], whole: Ensemble, frame_interval_s
     """Draw the mean-square displacement of single particles, of all, and what D and noise give."""
     axes.set_xlabel("lag τ (s)")
     axes.set_ylabel("MSD (µm²)")
-    table = whole.msd
+    table = whole.msd[whole.msd["xy_msd_nm2"] > 0.0]
     if not len(table):
         canvas.notice(axes, "no mean-square displacement")
         return

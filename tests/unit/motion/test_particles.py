@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rotortrack.errors import ConfigurationError, InputError, LinkWarning
@@ -67,6 +68,20 @@ def test_a_spot_that_never_moves_by_a_hair_does_no_harm(swimming):
     found = track_particles(table, LinkOptions(search_range_nm=300.0), **CLOCK)
     assert len(found.particles) == 2
     assert found.particles["directed_p"].between(0, 1).all()
+
+
+def test_tables_that_are_hardly_tables_of_particles_do_no_harm(swimming):
+    table = swimming(np.random.default_rng(12), 4, 40, box_nm=60_000.0)
+    twice = pd.concat([table, table])
+    assert len(track_particles(twice, FAR, **CLOCK).particles) == 8
+    fixed = table.assign(x_nm=0.0, y_nm=1e4 * table["truth"])
+    found = track_particles(fixed, FAR, **CLOCK)
+    assert len(found.particles) == 4
+    assert found.ensemble.diffusion_nm2_s == 0.0
+    absurd = table.assign(x_sd_nm=np.inf, y_sd_nm=1e-30)
+    assert np.isfinite(track_particles(absurd, FAR, **CLOCK).particles["diffusion_um2_s"]).all()
+    with pytest.raises(InputError, match="which no microscope sees"):
+        track_particles(table.assign(x_nm=1e200), FAR, **CLOCK)
 
 
 def test_no_spots_give_empty_tables():

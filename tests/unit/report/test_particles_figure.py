@@ -39,6 +39,12 @@ def test_nothing_overlaps_whatever_the_particles(swimming, count, diffusion, fra
     assert clipped(figure) == []
 
 
+def test_particles_that_stand_still_are_drawn_too(swimming):
+    table = swimming(np.random.default_rng(3), 3, 30)
+    figure = drawn(table.assign(x_nm=0.0, y_nm=1e4 * table["truth"]))
+    assert overlaps(figure) == []
+
+
 def test_no_particles_are_told():
     figure = drawn(empty(LOCALISATIONS))
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
