@@ -13,13 +13,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize, special
+from scipy import optimize, special, stats
 
 from rotortrack.motion.blur import radius_factor
-from rotortrack.motion.likelihood import freedom, quantile
+from rotortrack.motion.likelihood import freedom
+from rotortrack.motion.readings import noise_prior_sd
 
 POWER = 0.95
 """Part of the rotors of a speed in which a test must tell it from Brownian motion."""
+
+FIVE_PERCENT = 1.96
+"""Errors that a normal value exceeds in 5 %, on either side."""
 
 FOLDED_STEP_DEG = 55.0
 """Standard deviation of steps above which counting by the 180-degree rule is biased."""
@@ -29,7 +33,7 @@ LEAST_RADIUS_FACTOR = 0.95
 
 _MOST_FRAMES = 1e12
 _MOST_PHOTONS = 1e9
-_SPECTRUM = 20_000
+_SPECTRUM = 4000
 _WIDEST_NOISE_RAD = 0.5
 
 
@@ -103,7 +107,8 @@ def speed_sd(setting: Setting, omega_rad_s: float = 0.0) -> float:
 def diffusion_relative_sd(setting: Setting) -> float:
     """Give the standard deviation of the best estimate of D over D, the noise estimated too.
 
-    Missing frames lengthen the intervals of the others; inf without diffusion.
+    The scatter of the radius tells the noise as well, as in the analysis. Missing frames lengthen
+    the intervals of the others; inf without diffusion.
     """
     if setting.diffusion_rad2_s == 0.0:
         return math.inf
@@ -118,21 +123,63 @@ def diffusion_relative_sd(setting: Setting) -> float:
     shares = np.stack([diffusive, noisy]) / (diffusive + noisy)
     # Of a long movie only a part is summed up, whose information grows with the frames.
     information = 0.5 * steps / modes * shares @ shares.T
+    information[1, 1] += noise_prior_sd(steps) ** -2
     if setting.localisation_sd_nm == 0.0:
         return float(information[0, 0] ** -0.5)
     determinant = information[0, 0] * information[1, 1] - information[0, 1] ** 2
     return math.sqrt(information[1, 1] / determinant) if determinant > 0.0 else math.inf
 
 
-def power(speed_over_sd: float, threshold: float) -> float:
-    """Probability that a speed differs from zero by more than `threshold` of its errors."""
-    return float(special.ndtr(speed_over_sd - threshold) + special.ndtr(-speed_over_sd - threshold))
+@dataclass(frozen=True)
+class SpeedTest:
+    """Two-sided test of a speed against rest by Student's t, D being estimated too.
+
+    Attributes
+    ----------
+    threshold
+        Errors by which the speed must differ from zero.
+    degrees
+        Degrees of freedom of D.
+    """
+
+    threshold: float
+    degrees: float
+
+    @property
+    def _centre(self) -> float:
+        return self.threshold * (1.0 - 0.25 / self.degrees)
+
+    @property
+    def _spread(self) -> float:
+        return math.sqrt(1.0 + self.threshold**2 / (2.0 * self.degrees))
+
+    @property
+    def need(self) -> float:
+        """Speed over its error that is told in 95 % of rotors."""
+        return self._centre + self._spread * float(special.ndtri(POWER))
+
+    def power(self, speed_over_sd: float) -> float:
+        """Probability that a speed is told, by the normal form of the noncentral t."""
+        ends = (speed_over_sd - self._centre, -speed_over_sd - self._centre)
+        return float(sum(special.ndtr(end / self._spread) for end in ends))
 
 
-def threshold_at_5_percent(setting: Setting) -> float:
-    """Errors by which a speed must differ from zero at 5 %; more than 1.96 where D is uncertain."""
+def speed_test(setting: Setting, errors: float) -> SpeedTest:
+    """Give the test that chance passes as rarely as a normal value exceeds so many errors.
+
+    Parameters
+    ----------
+    setting
+        Rotor and movie; the more uncertain its D, the more is demanded.
+    errors
+        1.96 for 5 %, `driven_z` for a driven rotor.
+    """
     relative = diffusion_relative_sd(setting)
-    return math.sqrt(quantile(freedom(relative))) if math.isfinite(relative) else 1.96
+    if not math.isfinite(relative):
+        # Nothing diffuses, or nothing is told at all.
+        return SpeedTest(errors, math.inf)
+    degrees = freedom(relative)
+    return SpeedTest(float(stats.t.isf(special.ndtr(-errors), degrees)), degrees)
 
 
 def fastest_speed(setting: Setting) -> float:
@@ -151,7 +198,7 @@ def fastest_speed(setting: Setting) -> float:
     return float(optimize.brentq(reserve, 0.0, alias)) if reserve(alias) > 0.0 else alias
 
 
-def smallest_speed(setting: Setting, threshold: float) -> float:
+def smallest_speed(setting: Setting, errors: float) -> float:
     """Smallest speed (rad/s) that the test tells from Brownian motion in 95 % of such rotors.
 
     Returns
@@ -159,19 +206,19 @@ def smallest_speed(setting: Setting, threshold: float) -> float:
     float
         nan where even half a turn a frame is not told.
     """
-    need = threshold + float(special.ndtri(POWER))
+    need = speed_test(setting, errors).need
     return _rising(
         lambda omega: omega - need * speed_sd(setting, omega),
         math.pi / setting.frame_interval_s,
     )
 
 
-def frames_needed(setting: Setting, omega_rad_s: float, threshold: float) -> float:
+def frames_needed(setting: Setting, omega_rad_s: float, errors: float) -> float:
     """Frames in which the test tells this speed in 95 % of such rotors; inf where none do."""
-    need = threshold + float(special.ndtri(POWER))
 
     def short(log_frames: float) -> float:
         movie = replace(setting, frames=math.exp(log_frames))
+        need = speed_test(movie, errors).need
         return need * speed_sd(movie, omega_rad_s) - abs(omega_rad_s)
 
     low, high = math.log(2.5 / setting.detection), math.log(_MOST_FRAMES)
@@ -182,12 +229,12 @@ def frames_needed(setting: Setting, omega_rad_s: float, threshold: float) -> flo
     return float(math.ceil(math.exp(optimize.brentq(short, low, high))))
 
 
-def most_noise(setting: Setting, omega_rad_s: float, threshold: float) -> float:
+def most_noise(setting: Setting, omega_rad_s: float, errors: float) -> float:
     """Largest localisation error (nm) at which this movie tells the speed; nan where none does."""
-    need = threshold + float(special.ndtri(POWER))
 
     def excess(sd_nm: float) -> float:
         movie = replace(setting, localisation_sd_nm=sd_nm)
+        need = speed_test(movie, errors).need
         return need * speed_sd(movie, omega_rad_s) - abs(omega_rad_s)
 
     widest = _WIDEST_NOISE_RAD * setting.radius_nm * setting.blur(omega_rad_s)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rotortrack.motion.plan import (
+    FIVE_PERCENT,
     FOLDED_STEP_DEG,
     Setting,
     diffusion_relative_sd,
@@ -15,10 +16,9 @@ from rotortrack.motion.plan import (
     longest_exposure,
     most_noise,
     photons_needed,
-    power,
     smallest_speed,
     speed_sd,
-    threshold_at_5_percent,
+    speed_test,
 )
 
 Precision = Callable[[float], float]
@@ -115,8 +115,8 @@ def plan_movie(
         if precision is not None:
             photons = photons_needed(precision, noise_nm)
         distance = speed / sd if sd > 0.0 else math.inf
-        strict = power(distance, driven_z)
-        lenient = power(distance, threshold_at_5_percent(setting))
+        strict = speed_test(setting, driven_z).power(distance)
+        lenient = speed_test(setting, FIVE_PERCENT).power(distance)
     by_diffusion = 2.0 * setting.diffusion_rad2_s / setting.duration_s
     return MoviePlan(
         setting=setting,
@@ -125,7 +125,7 @@ def plan_movie(
         speed_sd_rad_s=sd,
         diffusion_share=min(by_diffusion / sd**2, 1.0) if 0.0 < sd < math.inf else 0.0,
         diffusion_relative_sd=diffusion_relative_sd(setting),
-        smallest_5_rad_s=smallest_speed(setting, threshold_at_5_percent(setting)),
+        smallest_5_rad_s=smallest_speed(setting, FIVE_PERCENT),
         smallest_rad_s=smallest_speed(setting, driven_z),
         fastest_rad_s=fastest_speed(setting),
         step_sd_rad=setting.step_sd_rad(speed),

@@ -14,11 +14,11 @@ import numpy as np
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.localise.precision import bound_nm
 from rotortrack.motion.plan import (
+    FIVE_PERCENT,
     Setting,
     frames_needed,
     smallest_speed,
     speed_sd,
-    threshold_at_5_percent,
 )
 from rotortrack.motion.plan_movie import MoviePlan, plan_movie
 from rotortrack.motion.plan_options import PlanOptions
@@ -160,6 +160,10 @@ def _setting_of(
         return None
     first, last, rows = seen[number]
     span = last - first + 1
+    if row.get("resampled"):
+        # Uneven turning spreads further than single steps tell: as far as the speed's own error.
+        duration_s = span * interval_s
+        diffusion = max(diffusion, 0.5 * row["omega_sd_rad_s"] ** 2 * duration_s)
     asked = options.frames or (options.duration_s or 0.0) / interval_s
     return Setting(
         diffusion_rad2_s=float(diffusion),
@@ -188,7 +192,7 @@ def _plan_row(row: Mapping[Any, Any], setting: Setting, z: float) -> dict[str, A
         "speed_deg_s": math.degrees(omega),
         "speed_sd_deg_s": math.degrees(row["omega_sd_rad_s"]),
         "expected_sd_deg_s": math.degrees(speed_sd(setting, omega if omega == omega else 0.0)),
-        "smallest_5_deg_s": math.degrees(smallest_speed(setting, threshold_at_5_percent(setting))),
+        "smallest_5_deg_s": math.degrees(smallest_speed(setting, FIVE_PERCENT)),
         "smallest_deg_s": math.degrees(smallest_speed(setting, z)),
         "needed_s": needed,
     }

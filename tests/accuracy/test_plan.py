@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from rotortrack.motion.estimate import estimate_motion
 from rotortrack.motion.plan import (
     Setting,
     diffusion_relative_sd,
-    power,
     smallest_speed,
     speed_sd,
-    threshold_at_5_percent,
+    speed_test,
 )
 from rotortrack.motion.readings import Circle
 
@@ -45,17 +45,16 @@ def estimates(rng, setting, omega, rotors):
 def test_speeds_are_told_as_often_and_as_exactly_as_planned(diffusion, sd_nm, frames, detection):
     setting = Setting(diffusion, 100.0, sd_nm, FRAME_S, FRAME_S, frames, detection)
     rotors = 160
-    for threshold, seed in ((3.5, 1), (threshold_at_5_percent(setting), 2)):
-        omega = smallest_speed(setting, threshold)
+    for errors, seed in ((3.5, 1), (1.96, 2)):
+        omega = smallest_speed(setting, errors)
         found = np.array(list(estimates(np.random.default_rng(seed), setting, omega, rotors)))
         speed, sd, p, own_diffusion = found.T
-        told = speed / sd > threshold if seed == 1 else p < 0.05
-        expected = power(omega / speed_sd(setting, omega), threshold)
-        assert expected == pytest.approx(0.95, abs=1e-6)
+        told = (p < 2 * stats.norm.sf(errors)) & (speed > 0)
+        expected = speed_test(setting, errors).power(omega / speed_sd(setting, omega))
+        assert expected == pytest.approx(0.95, abs=1e-3)
         # Three errors of a share of 160.
         assert told.mean() == pytest.approx(expected, abs=3 * np.sqrt(0.95 * 0.05 / rotors))
         assert speed.std() == pytest.approx(speed_sd(setting, omega), rel=0.17)
         assert np.median(sd) == pytest.approx(speed_sd(setting, omega), rel=0.05)
     relative = own_diffusion.std() / diffusion
-    # Noise is half known to the analysis by the scatter of the radius, which a plan leaves out.
-    assert 0.6 * diffusion_relative_sd(setting) < relative < 1.15 * diffusion_relative_sd(setting)
+    assert relative == pytest.approx(diffusion_relative_sd(setting), rel=0.17)

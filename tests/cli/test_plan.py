@@ -24,9 +24,9 @@ def test_a_plan_is_one_screen_and_one_advice(call):
 def test_numbers_for_other_programs(call):
     told = call("plan", *ROTOR, *LIGHT, "--frames", 8000, "--speed-deg-s", 720, "--json").json
     assert told["speed_sd_deg_s"] == pytest.approx(np.degrees(np.sqrt(2 * 60 / 16)), rel=0.01)
-    assert told["smallest_speed_deg_s"] == pytest.approx((3.5 + 1.645) * 156.9, rel=0.01)
+    assert told["smallest_speed_deg_s"] == pytest.approx((3.5 + 1.645) * 156.9, rel=0.02)
     assert told["duration_needed_s"] == pytest.approx(
-        2 * 60 * 5.145**2 / (4 * np.pi) ** 2, rel=0.01
+        2 * 60 * 5.145**2 / (4 * np.pi) ** 2, rel=0.03
     )
     assert told["photons_needed"] is None
     assert told["localisation_sd_nm"] == pytest.approx(5.8, rel=0.05)
@@ -87,9 +87,9 @@ def test_a_run_tells_what_its_rotors_resolve(call, run_folder, tmp_path):
     assert len(rows) >= 6
     assert target.is_file()
     for row in rows:
-        assert row["expected_sd_deg_s"] == pytest.approx(row["speed_sd_deg_s"], rel=0.15)
+        assert row["expected_sd_deg_s"] == pytest.approx(row["speed_sd_deg_s"], rel=0.02)
         assert row["smallest_5_deg_s"] < row["smallest_deg_s"]
-        assert row["smallest_deg_s"] == pytest.approx(5.145 * row["expected_sd_deg_s"], rel=0.05)
+        assert row["smallest_deg_s"] == pytest.approx(5.145 * row["expected_sd_deg_s"], rel=0.15)
 
 
 def test_a_longer_movie_of_the_same_rotors_resolves_slower_ones(call, run_folder):

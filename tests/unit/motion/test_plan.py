@@ -9,21 +9,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 from scipy.linalg import toeplitz
 
 from rotortrack.motion.blur import radius_factor
 from rotortrack.motion.linear import whitened_sums
 from rotortrack.motion.plan import (
     Setting,
+    SpeedTest,
     diffusion_relative_sd,
     fastest_speed,
     frames_needed,
     longest_exposure,
     most_noise,
     photons_needed,
-    power,
     smallest_speed,
     speed_sd,
+    speed_test,
 )
 from rotortrack.motion.plan_movie import advice, plan_movie
 from rotortrack.motion.readings import Timing
@@ -96,17 +98,18 @@ def test_the_smallest_speed_is_told_in_95_percent_of_rotors(setting, threshold):
     omega = smallest_speed(setting, threshold)
     if math.isnan(omega):
         return
-    assert power(omega / speed_sd(setting, omega), threshold) == pytest.approx(0.95, abs=1e-3)
+    told = speed_test(setting, threshold).power(omega / speed_sd(setting, omega))
+    assert told == pytest.approx(0.95, abs=2e-3)
 
 
 @given(settings, st.floats(0.5, 60.0))
 def test_the_frames_needed_suffice_and_fewer_do_not(setting, omega):
     frames = frames_needed(setting, omega, 3.5)
     enough = replace(setting, frames=frames)
-    assert power(omega / speed_sd(enough, omega), 3.5) >= 0.95 - 1e-6
+    assert speed_test(enough, 3.5).power(omega / speed_sd(enough, omega)) >= 0.95 - 1e-6
     fewer = replace(setting, frames=0.98 * frames - 2)
     if fewer.frames * setting.detection > 3:
-        assert power(omega / speed_sd(fewer, omega), 3.5) < 0.95
+        assert speed_test(fewer, 3.5).power(omega / speed_sd(fewer, omega)) < 0.95
 
 
 @given(settings)
@@ -125,7 +128,8 @@ def test_the_noise_that_is_allowed_just_suffices():
     noise = most_noise(setting, omega, 3.5)
     assert 0 < noise < 0.5 * setting.radius_nm * 0.99
     just = replace(setting, localisation_sd_nm=noise)
-    assert power(omega / speed_sd(just, omega), 3.5) == pytest.approx(0.95, abs=1e-3)
+    told = speed_test(just, 3.5).power(omega / speed_sd(just, omega))
+    assert told == pytest.approx(0.95, abs=1e-3)
     assert math.isnan(most_noise(replace(setting, diffusion_rad2_s=50.0), omega, 3.5))
 
 
@@ -160,7 +164,7 @@ def told(setting, speed_deg_s, precision=None):
 
 def test_the_advice_names_what_limits():
     brownian = replace(PLAIN, diffusion_rad2_s=60.0, frames=8000)
-    assert "more photons do not help: record 20.1 s" in told(brownian, 720.0)
+    assert "more photons do not help: record 20.2 s" in told(brownian, 720.0)
     assert told(brownian, 1800.0).startswith("The speed is resolved")
     assert "more than half a turn a frame" in told(brownian, 100_000.0)
     noisy = replace(PLAIN, diffusion_rad2_s=0.02, frames=400, localisation_sd_nm=40.0)
@@ -177,3 +181,21 @@ def test_a_movie_of_few_frames_tells_nothing_and_does_no_harm():
     assert speed_sd(short) == math.inf
     assert math.isnan(smallest_speed(short, 3.5))
     assert plan_movie(short, omega_rad_s=10.0, driven_z=3.5).power_z == pytest.approx(0, abs=1e-3)
+
+
+def test_the_power_is_that_of_the_noncentral_t():
+    for degrees, threshold in ((8.0, 3.0), (50.0, 2.0)):
+        for distance in (1.0, threshold, threshold + 2.0):
+            both = stats.nct.sf(threshold, degrees, distance)
+            both += stats.nct.cdf(-threshold, degrees, distance)
+            told = SpeedTest(threshold, degrees).power(distance)
+            assert told == pytest.approx(both, abs=0.02)
+
+
+def test_an_uncertain_diffusion_asks_for_more():
+    sure = replace(PLAIN, frames=20_000)
+    unsure = replace(PLAIN, diffusion_rad2_s=0.3, frames=200)
+    assert speed_test(sure, 1.96).threshold == pytest.approx(1.96, rel=0.01)
+    assert speed_test(unsure, 1.96).threshold > 2.1
+    for setting in (sure, unsure):
+        assert smallest_speed(setting, 1.96) < smallest_speed(setting, 3.5)
