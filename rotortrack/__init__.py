@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rotortrack.motion.angles import build_tracks
     from rotortrack.motion.measure import measure_motion
     from rotortrack.motion.msd import fit_msd, msd
+    from rotortrack.motion.particles import track_particles
     from rotortrack.motion.screen import screen
     from rotortrack.movies.movie import ArrayMovie
     from rotortrack.movies.tiff import open_movie
@@ -55,6 +56,7 @@ _HOMES = {
     "open_movie": "movies.tiff",
     "read_localisations": "exchange.tables",
     "screen": "motion.screen",
+    "track_particles": "motion.particles",
     "write_localisations": "exchange.tables",
     "write_movie": "movies.write",
 }
@@ -82,6 +84,7 @@ __all__ = [
     "open_movie",
     "read_localisations",
     "screen",
+    "track_particles",
     "write_localisations",
     "write_movie",
 ]

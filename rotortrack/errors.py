@@ -121,6 +121,10 @@ class AngleWarning(RotortrackWarning):
     """Angle steps are so wide that the 180-degree rule biases them."""
 
 
+class LinkWarning(RotortrackWarning):
+    """Mobile particles lie so close, or move so far, that some may have been confused."""
+
+
 class TraceWarning(RotortrackWarning):
     """The camera's trigger in a recorded trace and the movie do not quite fit each other."""
 

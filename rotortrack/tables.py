@@ -258,6 +258,56 @@ VOLTAGE_SPEEDS = Schema(
     ),
 )
 
+PARTICLE_TRACKS = Schema(
+    "particle_tracks",
+    (
+        Column("particle", "int64", "", "particle number, from 0", required=True),
+        Column("frame", "int64", "", "frame number, from 0", required=True),
+        Column("time_s", "float64", "s", "start of the frame since frame 0"),
+        Column("x_nm", "float64", "nm", "position along columns", required=True),
+        Column("y_nm", "float64", "nm", "position along rows, down", required=True),
+        Column("x_sd_nm", "float64", "nm", "standard deviation of x_nm by the fit"),
+        Column("y_sd_nm", "float64", "nm", "standard deviation of y_nm by the fit"),
+    ),
+)
+
+PARTICLES = Schema(
+    "particles",
+    (
+        Column("particle", "int64", "", "particle number, from 0", required=True),
+        Column("n_frames", "int64", "", "frames in which it was seen", required=True),
+        Column("first_frame", "int64", "", "first of them"),
+        Column("last_frame", "int64", "", "last of them"),
+        Column("missing_frames", "int64", "", "frames between these in which it was not seen"),
+        Column("x_nm", "float64", "nm", "mean position along columns"),
+        Column("y_nm", "float64", "nm", "mean position along rows, down"),
+        Column("diffusion_um2_s", "float64", "um^2/s", "diffusion coefficient, exact likelihood"),
+        Column("diffusion_sd_um2_s", "float64", "um^2/s", "its standard deviation"),
+        Column("diffusion_ci_low_um2_s", "float64", "um^2/s", "lower end of its 95 % interval"),
+        Column("diffusion_ci_high_um2_s", "float64", "um^2/s", "upper end of its 95 % interval"),
+        Column("cve_um2_s", "float64", "um^2/s", "diffusion by the covariance estimator"),
+        Column("cve_sd_um2_s", "float64", "um^2/s", "its standard deviation"),
+        Column("localisation_sd_nm", "float64", "nm", "error per axis that the track shows"),
+        Column("velocity_x_nm_s", "float64", "nm/s", "mean velocity along columns"),
+        Column("velocity_y_nm_s", "float64", "nm/s", "mean velocity along rows, down"),
+        Column("velocity_sd_nm_s", "float64", "nm/s", "standard deviation of either"),
+        Column("net_nm", "float64", "nm", "distance between first and last position"),
+        Column("directed_p", "float64", "", "test of no mean velocity"),
+        Column("directed_q", "float64", "", "false discovery rate of that test over particles"),
+    ),
+)
+
+PARTICLE_MSD = Schema(
+    "particle_msd",
+    (
+        Column("lag_s", "float64", "s", "lag", required=True),
+        Column("xy_msd_nm2", "float64", "nm^2", "mean-square displacement", required=True),
+        Column("xy_msd_sd_nm2", "float64", "nm^2", "its standard deviation over particles"),
+        Column("n_pairs", "int64", "", "pairs of frames, which overlap"),
+        Column("n_particles", "int64", "", "particles with such pairs"),
+    ),
+)
+
 TRACE = Schema(
     "trace",
     (

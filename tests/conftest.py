@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import settings
 
@@ -61,3 +63,37 @@ def modes_obeyed() -> Iterator[None]:
         powers[0] = effective
         assert libc.capset(header, powers) == 0
         assert libc.prctl(set_secure_bits, bits) == 0
+
+
+@pytest.fixture
+def swimming() -> Callable[..., pd.DataFrame]:
+    """Give `simulate(rng, particles, frames, ...)` -> localisations with the column `truth`."""
+
+    def simulate(
+        rng: np.random.Generator,
+        particles: int,
+        frames: int,
+        *,
+        diffusion_um2_s: float | np.ndarray = 0.1,
+        noise_nm: float = 20.0,
+        interval_s: float = 0.01,
+        exposed: float = 1.0,
+        missing: float = 0.0,
+        box_nm: float = 20_000.0,
+        flow_nm_s: tuple[float, float] = (0.0, 0.0),
+    ) -> pd.DataFrame:
+        parts = 16
+        spread = np.sqrt(2e6 * np.broadcast_to(diffusion_um2_s, (particles,)) * interval_s / parts)
+        steps = rng.normal(size=(particles, frames * parts, 2)) * spread[:, None, None]
+        steps += np.array(flow_nm_s) * interval_s / parts
+        path = np.cumsum(steps, axis=1) + rng.uniform(0.0, box_nm, (particles, 1, 2))
+        seen = max(round(parts * exposed), 1)
+        place = path.reshape(particles, frames, parts, 2)[:, :, :seen].mean(axis=2)
+        place = place + rng.normal(0.0, noise_nm, place.shape)
+        number, frame = np.nonzero(rng.random((particles, frames)) >= missing)
+        x, y = place[number, frame].T
+        sd = np.full(frame.size, noise_nm)
+        table = {"frame": frame, "x_nm": x, "y_nm": y, "x_sd_nm": sd, "y_sd_nm": sd}
+        return pd.DataFrame({**table, "truth": number})
+
+    return simulate

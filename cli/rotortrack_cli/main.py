@@ -29,6 +29,8 @@ _COMMANDS = {
     "filter": "Keep localisations that are precise and have neighbours.",
     "rotors": "Localisations to rotors: clusters, circles, screening.",
     "motion": "Rotors to angles, speeds, diffusion and behaviour.",
+    "track": "Mobile particles: spots to tracks and diffusion coefficients.",
+    "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",
     "simulate": "Movies of rotors whose motion is known.",
     "convert": "Localisations from one program's format to another's.",

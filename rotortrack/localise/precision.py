@@ -113,6 +113,50 @@ def covariance(
     return True
 
 
+def bound_nm(
+    photons: float,
+    *,
+    background: float,
+    sigma_nm: float,
+    pixel_size_nm: float,
+    read_noise_e: float = 0.0,
+    radius_px: int = 3,
+) -> float:
+    """Cramer-Rao bound of a position per axis, nm, for a spot of known brightness.
+
+    Background, photons and width are fitted too. The mean over places within a pixel, as an rms.
+
+    Parameters
+    ----------
+    photons, background
+        Photons of the spot, and of the background per pixel.
+    sigma_nm, pixel_size_nm
+        Width of the spot and side of a pixel.
+    read_noise_e
+        Read noise, electrons rms.
+    radius_px
+        Half the window of the fit.
+
+    Returns
+    -------
+    float
+        inf where the window tells no position.
+    """
+    n = 2 * radius_px + 1
+    variance = np.full((n, n), read_noise_e**2)
+    everything = np.ones((n, n))
+    result = np.empty((PARAMETERS, PARAMETERS))
+    total = 0.0
+    places = (0.0, 0.25, 0.5)
+    for x in places:
+        for y in places:
+            spot = np.array([x, y, photons, background, sigma_nm / pixel_size_nm])
+            if not covariance(spot, variance, everything, everything, False, True, True, result):
+                return float("inf")
+            total += result[X, X] / len(places) ** 2
+    return float(np.sqrt(total)) * pixel_size_nm
+
+
 def thunderstorm_uncertainty(
     generation: Literal["2014", "2016"],
     method: Literal["lsq", "wlsq", "mle"],

@@ -69,7 +69,7 @@ def _unwrap(
 
 
 @kernel
-def _sums(
+def whitened_sums(
     y: Floats, t: Floats, apart: Integers, noise: Floats, step_variance: Floats, extra: Floats
 ) -> Floats:
     """Log determinant and products (yy, yt, tt) of whitened angles and times, a row a model."""
@@ -174,7 +174,7 @@ def speed_information(seen: Readings, timing: Timing, diffusion: float, factor: 
     """Information about omega, (rad/s)^-2, where D and the factor on the noise are known."""
     t = _drift(seen, timing, 1.0)
     model = np.array([timing.step_variance(diffusion)]), np.array([_extra(timing, diffusion)])
-    return float(_sums(t, t, np.diff(seen.frame), factor * seen.noise_rad2, *model)[0, 3])
+    return float(whitened_sums(t, t, np.diff(seen.frame), factor * seen.noise_rad2, *model)[0, 3])
 
 
 def _drift(seen: Readings, timing: Timing, omega: float) -> Floats:
@@ -208,7 +208,7 @@ def _fit(
     def sums(log_ratio: Floats) -> Floats:
         ratio = unit * np.exp(log_ratio)
         model = timing.step_variance(1.0) * ratio, _extra(timing, 1.0) * ratio
-        return _sums(strayed, t, np.diff(seen.frame), noise, *model)
+        return whitened_sums(strayed, t, np.diff(seen.frame), noise, *model)
 
     span = float(seen.frame[-1] - seen.frame[0])
     coarse = np.arange(-2.0 * np.log(span) - 7.0, 8.0, _STEP)
@@ -233,7 +233,7 @@ def _fit(
 
 @dataclass(frozen=True)
 class _Table:
-    """Sums of `_sums` at values of log(D / c), the models that profiles choose from.
+    """Sums of `whitened_sums` at values of log(D / c), the models that profiles choose from.
 
     Deviances are twice the negative restricted log-likelihood, which adds the logarithm of
     omega's information: it makes up for the omega that is estimated, so that D is not too small.

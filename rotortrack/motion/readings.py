@@ -156,7 +156,12 @@ def noise_prior(seen: Readings, timing: Timing, diffusion: float, radius_nm: flo
     own = scatter * (1.0 + 0.5 * scatter) - blur
     given = float(np.median(seen.distance_nm / radius_nm / seen.concentration))
     log_factor = float(np.log(np.clip(own / given, *_FACTOR_RANGE)))
-    return NoisePrior(log_factor, float(np.sqrt(_WOBBLE**2 + _MEDIAN_VARIANCE / len(seen))))
+    return NoisePrior(log_factor, noise_prior_sd(len(seen)))
+
+
+def noise_prior_sd(n_readings: float) -> float:
+    """Give how well the radius tells the logarithm of the noise variance."""
+    return math.sqrt(_WOBBLE**2 + _MEDIAN_VARIANCE / n_readings)
 
 
 def first_guess(seen: Readings, timing: Timing) -> Pace:

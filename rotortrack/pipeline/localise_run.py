@@ -18,7 +18,7 @@ from rotortrack.movies.movie import Movie
 from rotortrack.movies.select import select
 from rotortrack.movies.tiff import open_movie
 from rotortrack.pipeline.identity import identify
-from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.presets import SECTIONS, WORKFLOW
 from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record
 from rotortrack.settings import Layer, Settings, resolve
 
@@ -208,7 +208,7 @@ def localise_to_file(
     frames = movie.shape[0]
     counts = Counts()
     record = Record("localise")
-    record.options(settings)
+    record.options(settings, WORKFLOW)
     record.inputs([identify(path) for path in movie.paths], target.parent)
     record.count(frames=frames, **absent_frames(movie))
     progress("localise", 0, frames)

@@ -8,7 +8,9 @@ from rotortrack.cameras.options import CameraOptions
 from rotortrack.corrections.options import DensityOptions, DriftOptions, QualityOptions
 from rotortrack.errors import ConfigurationError
 from rotortrack.localise.options import LocaliseOptions
+from rotortrack.motion.link_options import LinkOptions
 from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.plan_options import PlanOptions
 from rotortrack.motion.screen_options import ScreenOptions
 from rotortrack.movies.options import MovieOptions
 from rotortrack.rotors.options import CircleOptions, ClusterOptions
@@ -27,8 +29,13 @@ SECTIONS: dict[str, type[Options]] = {
     "circle": CircleOptions,
     "screen": ScreenOptions,
     "motion": MotionOptions,
+    "link": LinkOptions,
+    "plan": PlanOptions,
 }
-"""Option class of each section, in the order of the workflow."""
+"""Option class of each section, in the order of the workflow; those beside it come last."""
+
+WORKFLOW = tuple(section for section in SECTIONS if section not in ("link", "plan"))
+"""Sections that a run depends on; its record names no others."""
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     "paper": {

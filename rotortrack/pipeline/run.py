@@ -43,7 +43,7 @@ from rotortrack.pipeline.localise_run import (
     silent,
 )
 from rotortrack.pipeline.parts import Checkpoint, Parts
-from rotortrack.pipeline.presets import notes_on
+from rotortrack.pipeline.presets import WORKFLOW, notes_on
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.settings import Layer, Settings
@@ -171,7 +171,7 @@ class _Run:
 
     def to_the_end(self, workers: int | None, draw: Draw | None) -> Result:
         record, settings, folder = self._record, self._settings, self._folder
-        record.options(settings)
+        record.options(settings, WORKFLOW)
         record.inputs(self._files, folder.path)
         movie = self._source.movie
         record.count(frames=movie.shape[0], **absent_frames(movie))

@@ -16,7 +16,7 @@ from rotortrack.exchange import csv
 from rotortrack.exchange.tables import TableInfo, read_info, read_localisations, write_localisations
 from rotortrack.files import atomic_path
 from rotortrack.pipeline.identity import identify, sha256_of
-from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.presets import SECTIONS, WORKFLOW
 from rotortrack.pipeline.provenance import Record, following
 from rotortrack.settings import Layer, Settings, resolve
 
@@ -104,7 +104,7 @@ def _write(
 ) -> None:
     record = Record(step)
     file = identify(path)
-    record.options(settings)
+    record.options(settings, WORKFLOW)
     record.inputs([file], target.parent, [sha256_of(file)])
     record.count(localisations=len(table))
     info = dataclasses.replace(

@@ -21,6 +21,8 @@ from rotortrack.report.figures import (
     cumulative_angle,
     field,
     msd,
+    particles,
+    plan,
     rotor_sheet,
     speeds,
     voltage,
@@ -32,6 +34,8 @@ from rotortrack.report.figures.canvas import FileFormat
 
 if TYPE_CHECKING:
     from rotortrack.cameras.calibrate import Calibration
+    from rotortrack.motion.ensemble import Ensemble
+    from rotortrack.motion.plan_movie import MoviePlan
 
 _FOLDER = "figures"
 
@@ -174,6 +178,32 @@ def draw_camera(path: Path, calibration: Calibration, file_format: FileFormat = 
         made_from=made_from,
     )
     canvas.save(made, path, file_format)
+
+
+def draw_particles(
+    path: Path,
+    tracks: pd.DataFrame,
+    found: pd.DataFrame,
+    whole: Ensemble,
+    *,
+    frame_interval_s: float,
+    file_format: FileFormat = "png",
+) -> None:
+    """Draw mobile particles, their mean-square displacements and diffusion into a file."""
+    made = particles.figure(tracks, found, whole, frame_interval_s=frame_interval_s)
+    canvas.save(made, path, file_format)
+
+
+def draw_plan(path: Path, planned: MoviePlan, file_format: FileFormat = "png") -> None:
+    """Draw into a file which speeds movies like the planned one resolve."""
+    canvas.save(plan.figure(planned), path, file_format)
+
+
+def draw_resolved(
+    path: Path, rotors: pd.DataFrame, driven_z: float, file_format: FileFormat = "png"
+) -> None:
+    """Draw into a file what the rotors of a run resolve, and their speeds."""
+    canvas.save(plan.resolved(rotors, driven_z), path, file_format)
 
 
 def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[Any, Any]]:

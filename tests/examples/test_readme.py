@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rotortrack.exchange.tables import TableInfo, write_localisations
 from rotortrack.movies.tiff import open_movie
 from rotortrack.movies.write import write_movie
 from rotortrack_cli.exits import Exit
@@ -45,6 +46,26 @@ def test_the_calibration_example_gives_maps_that_a_run_takes(monkeypatch, tmp_pa
         assert main([*shlex.split(line)[1:], *(["-q"] if "info" not in line else [])]) == 0
     assert (tmp_path / "camera.png").is_file()
     assert len(pd.read_csv(tmp_path / "results" / "rotors.csv")) >= 6
+
+
+def test_the_plan_that_is_shown_gives_the_advice_that_is_quoted(monkeypatch, tmp_path, capsys):
+    (block,) = re.findall(r"# will 16 s show.*?\n(.*?)```", README, re.DOTALL)
+    line = block.replace("\\\n", " ").splitlines()[0]
+    (quoted,) = re.findall(r"The first ends with: \*(.*?)\*", README, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(line)[1:]) == 0
+    assert " ".join(quoted.split()) in capsys.readouterr().out
+    assert (tmp_path / "plan.png").is_file()
+
+
+def test_the_tracking_example_makes_what_is_named(monkeypatch, tmp_path, swimming):
+    (line,) = re.findall(r"# follow what moves freely\n(.*?)\n", README)
+    spots = swimming(np.random.default_rng(1), 10, 60).drop(columns="truth")
+    write_localisations(tmp_path / "localisations.parquet", spots, TableInfo())
+    monkeypatch.chdir(tmp_path)
+    assert main([*shlex.split(line)[1:], "-q"]) == 0
+    for name in re.findall(r"`(mobile[-.]\w+(?:\.\w+)?)`", README):
+        assert (tmp_path / name).is_file()
 
 
 COMMANDS = set(re.findall(r"(?:`|^|/|&& )rotortrack ([a-z]+)\b", README, re.MULTILINE))
