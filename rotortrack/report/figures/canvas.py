@@ -95,8 +95,9 @@ def heading(figure: Figure, words: str, left_in: float, top_in: float = 0.12) ->
 
 def caption(axes: Axes, words: str) -> None:
     """Write a title with its legend, at most two entries, on a line of its own below it."""
-    axes.set_title(words, y=1.0 + 0.27 / _height_in(axes))
-    if axes.get_legend_handles_labels()[1]:
+    explained = bool(axes.get_legend_handles_labels()[1])
+    axes.set_title(words, y=1.0 + (0.27 if explained else 0.07) / _height_in(axes))
+    if explained:
         axes.legend(
             loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, borderpad=0.2
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -22,7 +24,8 @@ PANELS = (
 """Column (without _UNIT), its unit, words of the axis, and whether that is logarithmic."""
 
 NUMBERED_ROTORS = 40
-_DECADES_BELOW = 2.0
+_DECADES_BEYOND = 1.0
+_LEAST_RATIO = 5.0
 
 
 @canvas.in_house_style
@@ -74,14 +77,21 @@ def _draw_ranked(
     axes: Axes, kept: pd.DataFrame, panel: tuple[str, str, str, bool], values: Floats
 ) -> None:
     name, unit, label, logarithmic = panel
-    sd = column(kept, f"{name}_sd_{unit}")
-    low, high = columns.interval(kept, name, unit, values, sd)
-    # A vanishing value of a positive quantity has an upper limit alone.
-    order = np.argsort(np.where(np.isfinite(values), values, np.inf), kind="stable")
-    order = order[np.isfinite(values[order])]
-    values, low, high = values[order], low[order], high[order]
+    low, high = columns.interval(kept, name, unit, values, column(kept, f"{name}_sd_{unit}"))
+    # What may vanish has an upper limit alone, and its best value says nothing.
+    bounded = np.isfinite(values) & ((low > 0) | (not logarithmic))
+    limited = np.isfinite(values) & ~bounded & (high > 0)
+    at = np.where(bounded, values, high)
+    order = np.lexsort((at, bounded))
+    order = order[(bounded | limited)[order]]
+    at, low, high, bounded = at[order], low[order], high[order], bounded[order]
+    axes.set_xlabel(label)
+    if len(order) == 0:
+        canvas.notice(axes, "not known")
+        return
     rank = np.arange(len(order), dtype=np.float64)
-    left, right = _limits(values, low, high, logarithmic)
+    low = np.where(bounded, low, at / 1.5)
+    left, right = _limits(at, low, high, logarithmic)
     if logarithmic:
         axes.set_xscale("log")
         canvas.log_ticks(axes.xaxis, left, right)
@@ -89,24 +99,23 @@ def _draw_ranked(
         axes.axvline(0, color=style.INK, lw=0.8, zorder=0)
         axes.xaxis.set_major_locator(MaxNLocator(6))
     shown = columns.looks(kept.iloc[order])
-    bounded = values > left if logarithmic else np.ones(len(values), bool)
-    size = 20.0 if len(order) <= NUMBERED_ROTORS else 7.0
+    few = len(order) <= NUMBERED_ROTORS
     for look in style.BEHAVIOURS.values():
         own = np.array([other is look for other in shown], bool)
         if not own.any():
             continue
         axes.hlines(
             rank[own], np.clip(low[own], left, right), np.clip(high[own], left, right),
-            color=look.colour, lw=0.9,
+            color=look.colour, lw=0.9, alpha=1.0 if few else 0.45,
         )  # fmt: skip
-        for some, marker, at in (
-            (own & bounded, look.marker, values), (own & ~bounded, "<", np.clip(high, left, right)),
-        ):  # fmt: skip
-            axes.scatter(at[some], rank[some], s=size, marker=marker, color=look.colour, lw=0)
+        for some, marker in ((own & bounded, look.marker), (own & ~bounded, "<")):
+            axes.scatter(
+                at[some], rank[some], s=20.0 if few else 7.0, marker=marker, color=look.colour,
+                lw=0, zorder=3,
+            )  # fmt: skip
     axes.set_xlim(left, right)
     axes.set_ylim(-0.8, len(order) - 0.2)
-    axes.set_xlabel(label)
-    if len(order) <= NUMBERED_ROTORS:
+    if few:
         axes.set_yticks(rank, [str(int(n)) for n in kept["rotor"].iloc[order]], fontsize=6.0)
         axes.set_ylabel("rotor")
     else:
@@ -114,20 +123,16 @@ def _draw_ranked(
         axes.set_ylabel("rotors, sorted")
 
 
-def _limits(values: Floats, low: Floats, high: Floats, logarithmic: bool) -> tuple[float, float]:
-    """Show all values, and intervals unless they are far wider than all else."""
+def _limits(at: Floats, low: Floats, high: Floats, logarithmic: bool) -> tuple[float, float]:
+    """Show all marks, and intervals unless they are far wider than all else."""
     if logarithmic:
-        positive = values[values > 0]
-        positive = positive if len(positive) else high[high > 0]
-        if len(positive) == 0:
-            return 0.1, 10.0
-        reach = 10**_DECADES_BELOW
-        least = max(np.where(low > 0, low, positive.min() / reach).min(), positive.min() / reach)
-        most = min(max(high.max(), positive.max()), positive.max() * reach)
-        return float(least) / 1.3, float(most) * 1.3
-    span = max(float(np.ptp(values)), float(np.abs(values).max()), 1e-12)
-    left = max(float(low.min()), float(values.min()) - span / 2)
-    right = min(float(high.max()), float(values.max()) + span / 2)
-    left, right = min(left, 0.0), max(right, 0.0)
+        reach = 10**_DECADES_BEYOND
+        least = max(float(low.min()), float(at.min()) / reach) / 1.3
+        most = min(float(high.max()), float(at.max()) * reach) * 1.3
+        widen = max(1.0, math.sqrt(_LEAST_RATIO * least / most))
+        return least / widen, most * widen
+    span = max(float(np.ptp(at)), float(np.abs(at).max()), 1e-12)
+    left = min(max(float(low.min()), float(at.min()) - span / 2), 0.0)
+    right = max(min(float(high.max()), float(at.max()) + span / 2), 0.0)
     spare = 0.04 * max(right - left, 1e-12)
     return left - spare, right + spare

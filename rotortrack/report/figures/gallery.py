@@ -55,7 +55,7 @@ def figure(rotors: pd.DataFrame, localisations: Mapping[int, pd.DataFrame]) -> F
     down = math.ceil(len(kept) / across)
     width, height = across * _TILE_IN, down * _TILE_IN * (1 + _LABEL_SHARE)
     page = max(width + 0.6, 6.2)
-    made = canvas.new_figure(page, height + 1.2)
+    made = canvas.new_figure(page, height + 1.35)
     axes = canvas.place(made, (page - width) / 2, 0.85, width, height)
     axes.set_axis_off()
     _draw_maps(axes, kept, localisations, across, side)
@@ -68,15 +68,16 @@ def figure(rotors: pd.DataFrame, localisations: Mapping[int, pd.DataFrame]) -> F
         made,
         words.wrap(
             f"Positions of {words.count(len(kept), 'rotor')}, tiles of {side:.0f} nm{remark}; "
-            "number: speed ± sd (rev/s)",
-            int(10.5 * page), 2,
+            "speeds in rev/s",
+            int(10.5 * page),
+            2,
         ),
         0.3,
     )  # fmt: skip
     explained = columns.handles(shown)
     explained.append(Line2D([], [], color=style.VERMILLION, label="circle"))
     made.legend(
-        handles=explained, loc="lower left", bbox_to_anchor=(0.2 / page, 0.05 / (height + 1.2)),
+        handles=explained, loc="lower left", bbox_to_anchor=(0.2 / page, 0.05 / (height + 1.35)),
         ncols=max(2, min(5, int(page / 2))), columnspacing=1.2,
     )  # fmt: skip
     return made

@@ -138,16 +138,21 @@ def _draw_counts(
     reach = max(float(high.max()), 1.0)
     for k, count in enumerate(counts):
         axes.annotate(
-            f"{count:.0f}  ({100 * count / total:.0f} %)", (max(high[k], count), k), xytext=(4, 0),
+            f"{count:.0f}  ({_percent(count / total)})", (max(high[k], count), k), xytext=(4, 0),
             textcoords="offset points", va="center_baseline", fontsize=6.5,
             annotation_clip=False,
         )  # fmt: skip
-    axes.set_xlim(0, 1.45 * reach)
+    axes.set_xlim(0, 1.6 * reach)
     axes.set_ylim(len(counts) - 0.5, -0.5)
     axes.yaxis.set_major_locator(FixedLocator(rank.tolist()))
     axes.set_yticklabels([label for label, _ in listed.values()])
     axes.tick_params(axis="y", length=0)
     axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+
+
+def _percent(share: float) -> str:
+    """Write a share without decimals, a small one with a digit."""
+    return f"{100 * share:.{1 if 0 < share < 0.01 else 0}f} %"
 
 
 def _driven(population: Row | None) -> str:

@@ -44,7 +44,7 @@ def make_whole(n=20, frames=8000, seed=1, **options) -> Whole:
         }
     )  # fmt: skip
     return Whole(
-        run, _posterior(run.tracks), _profiles(run.rotors, rng), _switches(run, rng), voltages,
+        run, _posterior(run.tracks), _profiles(run.rotors, rng), _switches(run), voltages,
         _voltage_speeds(run.rotors, rng),
         {"driven_fraction": 0.62, "driven_fraction_ci_low": 0.4, "driven_fraction_ci_high": 0.81},
     )  # fmt: skip
@@ -122,7 +122,7 @@ def _profiles(rotors: pd.DataFrame, rng) -> pd.DataFrame:
     return pd.concat(parts) if parts else pd.DataFrame(columns=["rotor", "bin"])
 
 
-def _switches(run: Run, rng) -> pd.DataFrame:
+def _switches(run: Run) -> pd.DataFrame:
     """The first rotor that turns clockwise switches in the middle of its record."""
     columns = [
         "rotor", "switch", "time_s", "time_ci_low_s", "time_ci_high_s", "before_rad_s",
