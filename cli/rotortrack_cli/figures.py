@@ -21,6 +21,7 @@ def draw(result: Result, stages: Stages) -> None:
         exposure_s=movie.exposure_s,
         pixel_size_nm=movie.pixel_size_nm,
         mean_image=result.mean_image,
+        movie=result.movie,
         image_origin_px=region[:2] if region else (0, 0),
         drift_bins=result.drift_bins,
         switches=result.tables.get("switches"),

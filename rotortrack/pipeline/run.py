@@ -71,6 +71,8 @@ class Result:
         Frames, dx (nm) and dy (nm) of the bins behind the drift.
     mean_image
         Mean of some frames, in counts.
+    movie
+        The movie itself, open while the figures are drawn.
     """
 
     folder: RunFolder
@@ -79,6 +81,7 @@ class Result:
     tables: Mapping[str, pd.DataFrame]
     drift_bins: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
     mean_image: NDArray[np.float32] | None = None
+    movie: Movie | None = None
 
     @property
     def rotors(self) -> pd.DataFrame:
@@ -212,7 +215,7 @@ class _Run:
             folder.commit(tables, info, record, unfinished=unfinished)
             self._parts.tidy()
         bins = (drift.bin_frames, drift.bin_dx_nm, drift.bin_dy_nm)
-        result = Result(folder, settings, record, tables, bins, image)
+        result = Result(folder, settings, record, tables, bins, image, self._source.movie)
         if draw is not None:
             with self._stage("figures"):
                 draw(result)

@@ -40,6 +40,7 @@ from rotortrack.report.figures.canvas import FileFormat, NothingToDrawError
 
 if TYPE_CHECKING:
     from rotortrack.cameras.calibrate import Calibration
+    from rotortrack.movies.movie import Movie
 
 _FOLDER = "figures"
 
@@ -63,7 +64,7 @@ def draw_run(
     driven: words.Row | None = None,
     voltages: pd.DataFrame | None = None,
     voltage_speeds: pd.DataFrame | None = None,
-    example: tuple[frames.Stretch, ArrayLike] | None = None,
+    movie: Movie | None = None,
     max_sheets: int = 100,
     file_format: FileFormat = "png",
     progress: Callable[[int, int], None] | None = None,
@@ -96,8 +97,8 @@ def draw_run(
         `driven_fraction` with `_ci_low` and `_ci_high`.
     voltages, voltage_speeds
         What a recorded trace told of the frames and rotors.
-    example
-        A stretch that `frames.choose` chose and its pixels (frame, y, x).
+    movie
+        The movie, for some frames of one rotor.
     max_sheets
         Most rotor sheets that are drawn.
     file_format
@@ -172,12 +173,11 @@ def draw_run(
             figures["voltage_examples"] = lambda: voltage_traces.examples(
                 rotors, of_track, volts, exposure_s=exposed_s, switches=switches, **interval
             )
-    if example is not None and pixel_size_nm is not None:
-        (stretch, pixels), size_nm = example, pixel_size_nm
-        figures["frames"] = lambda: frames.figure(
-            pixels, stretch, rotors, tracks, pixel_size_nm=size_nm,
-            image_origin_px=image_origin_px, **interval,
-        )  # fmt: skip
+    if movie is not None and pixel_size_nm is not None:
+        film, size_nm = movie, pixel_size_nm
+        figures["frames"] = lambda: frames.of_movie(
+            film, rotors, tracks, pixel_size_nm=size_nm, **interval
+        )
     for row in _sheet_rows(rotors, max_sheets):
         figures[f"rotor-{int(row['rotor']):03d}"] = functools.partial(sheet, row)
 

@@ -57,7 +57,10 @@ def figure(rotors: pd.DataFrame) -> Figure:
     width, height = 0.95 + 4.95 * across, 0.75 + (tall + 1.0) * down
     made = canvas.new_figure(width, height)
     canvas.heading(
-        made, f"Diffusion and energy of {words.count(number, 'rotor')}, 95 % intervals", 0.3
+        made,
+        f"Diffusion and energy of {words.count(number, 'rotor')}, 95 % intervals "
+        "(arrows: upper limit alone)",
+        0.3,
     )
     shown = columns.looks(kept)
     for k, (panel, values) in enumerate(found):

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
+from rotortrack.movies.movie import Movie
 from rotortrack.report import style
 from rotortrack.report.figures import canvas, columns
 from rotortrack.report.figures.canvas import NothingToDrawError
@@ -86,6 +87,40 @@ def choose(
         ]
         return Stretch(int(row["rotor"]), int(frame[runs[0]]), corner[0], corner[1], side)
     return None
+
+
+def of_movie(
+    movie: Movie,
+    rotors: pd.DataFrame,
+    tracks: pd.DataFrame,
+    *,
+    pixel_size_nm: float,
+    frame_interval_s: float,
+) -> Figure:
+    """Choose a rotor, read its frames and draw them.
+
+    Raises
+    ------
+    NothingToDrawError
+        No kept rotor was seen in 20 frames on end.
+    MovieError
+        The frames cannot be read.
+    """
+    stretch = choose(
+        rotors, tracks, pixel_size_nm=pixel_size_nm, shape_px=movie.shape[1:],
+        image_origin_px=movie.origin_px,
+    )  # fmt: skip
+    if stretch is None:
+        raise NothingToDrawError(f"no kept rotor was seen in {FRAMES} frames on end")
+    start = stretch.first - movie.first_frame
+    if movie.numbers is not None:
+        start = int(np.searchsorted(movie.numbers, stretch.first))
+    left, top, side = stretch.left_px, stretch.top_px, stretch.side_px
+    pixels = movie.frames(start, start + FRAMES)[:, top : top + side, left : left + side]
+    return figure(
+        pixels, stretch, rotors, tracks, pixel_size_nm=pixel_size_nm,
+        frame_interval_s=frame_interval_s, image_origin_px=movie.origin_px,
+    )  # fmt: skip
 
 
 @canvas.in_house_style

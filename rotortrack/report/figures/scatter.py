@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from rotortrack.report.figures.columns import column
 
 CROWD = 120
 """Above this many rotors markers shrink."""
+
+_LEAST_RATIO = 5.0
 
 
 @canvas.in_house_style
@@ -109,15 +112,16 @@ def _draw_pair(axes: Axes, x: Variable, y: Variable, shown: list[style.Look]) ->
 
 
 def _limits(variable: Variable, good: NDArray[np.bool_]) -> tuple[float, float]:
-    """Show all values, and intervals unless they are wider than everything else."""
+    """Show all values, and intervals unless they are far wider than the others."""
     _, values, (low, high), logarithmic = variable
     values, low, high = values[good], low[good], high[good]
     if logarithmic:
-        least = max(float(np.where(low > 0, low, 0).min()), float(values.min()) / 10)
+        least = max(float(low.min()), float(values.min()) / 10)
         most = min(float(high.max()), float(values.max()) * 10)
-        return least / 1.15, most * 1.15
-    span = max(float(np.ptp(values)), 0.05 * float(np.abs(values).max()), 1e-6)
-    left = max(float(low.min()), float(values.min()) - span / 2)
-    right = min(float(high.max()), float(values.max()) + span / 2)
-    spare = max(0.05 * (right - left), 0.02 * span)
+        widen = max(1.15, math.sqrt(_LEAST_RATIO * least / most))
+        return least / widen, most * widen
+    beyond = max(float(np.ptp(values)) / 2, 1.5 * float(np.median(high - low)))
+    left = max(float(low.min()), float(values.min()) - beyond)
+    right = min(float(high.max()), float(values.max()) + beyond)
+    spare = max(0.05 * (right - left), 1e-3 * float(np.abs(values).max()), 1e-9)
     return left - spare, right + spare

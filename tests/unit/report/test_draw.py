@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rotortrack.errors import ResourceError
+from rotortrack.movies.movie import ArrayMovie
 from rotortrack.pipeline.store import FIGURE_NAME
 from rotortrack.report.draw import draw_run
-from rotortrack.report.figures import frames
 from rotortrack.tables import DRIFT, LOCALISATIONS, ROTORS, TRACKS, empty
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -59,13 +59,10 @@ def test_sheets_stop_at_the_limit_and_progress_counts_every_figure(run, tmp_path
 def test_every_figure_of_a_whole_run_may_be_removed_by_the_next(tmp_path):
     whole = make_whole(6, 800)
     tables = whole.tables()
-    stretch = frames.choose(
-        tables["rotors"], tables["tracks"], pixel_size_nm=100.0, shape_px=(99, 99)
-    )
-    pixels = np.ones((frames.FRAMES, stretch.side_px, stretch.side_px))
+    movie = ArrayMovie(np.ones((800, 99, 99), np.uint16))
     shown = draw_run(
         tmp_path, **tables, frame_interval_s=FRAME_INTERVAL_S, exposure_s=FRAME_INTERVAL_S,
-        pixel_size_nm=100.0, example=(stretch, pixels), max_sheets=1,
+        pixel_size_nm=100.0, movie=movie, max_sheets=1,
     )  # fmt: skip
     voltages = ["voltage", "voltage_angles", "voltage_examples"]
     assert [path.stem for path in shown] == [*OVERVIEWS, *voltages, "frames", "rotor-000"]

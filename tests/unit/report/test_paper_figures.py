@@ -10,6 +10,7 @@ from matplotlib.collections import EllipseCollection, LineCollection, PolyCollec
 from matplotlib.patches import Annulus
 from scipy.stats import binomtest
 
+from rotortrack.movies.movie import ArrayMovie
 from rotortrack.report.figures import (
     angle_trace,
     canvas,
@@ -321,3 +322,19 @@ def test_no_frames_are_chosen_of_a_tiny_movie_or_a_track_full_of_gaps(whole):
     )  # fmt: skip
     gappy = run.tracks[run.tracks["frame"] % 10 > 0]
     assert frames.choose(run.rotors, gappy, pixel_size_nm=100.0, shape_px=(90, 90)) is None
+
+
+def test_frames_are_read_by_their_numbers_in_the_recording(whole):
+    run = whole.run
+    rng = np.random.default_rng(3)
+    counts = rng.integers(0, 900, (frames.FRAMES + 40, 80, 90)).astype(np.uint16)
+    stretch = frames.choose(run.rotors, run.tracks, pixel_size_nm=100.0, shape_px=(80, 90))
+    numbers = np.arange(len(counts)) + stretch.first - 7
+    numbers[:3] -= 5
+    movie = ArrayMovie(counts)
+    movie.numbers = numbers
+    figure = frames.of_movie(movie, run.rotors, run.tracks, pixel_size_nm=100.0, **DT)
+    left, top, side = stretch.left_px, stretch.top_px, stretch.side_px
+    shown = [image.get_array() for image in figure.axes[0].images]
+    wanted = counts[7 : 7 + frames.FRAMES, top : top + side, left : left + side]
+    assert np.array_equal(np.stack(shown), wanted)
