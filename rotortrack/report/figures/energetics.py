@@ -56,19 +56,17 @@ def figure(rotors: pd.DataFrame) -> Figure:
     down = -(-len(found) // across)
     width, height = 0.95 + 4.95 * across, 0.75 + (tall + 1.0) * down
     made = canvas.new_figure(width, height)
-    canvas.heading(
-        made,
-        f"Diffusion and energy of {words.count(number, 'rotor')}, 95 % intervals "
-        "(arrows: upper limit alone)",
-        0.3,
-    )
+    heading = f"Diffusion and energy of {words.count(number, 'rotor')}, 95 % intervals"
     shown = columns.looks(kept)
+    limits = False
     for k, (panel, values) in enumerate(found):
         row, place = divmod(k, across)
         axes = canvas.place(
             made, 0.85 + 4.95 * place, height - 0.6 - tall - row * (tall + 1.0), 4.1, tall
         )
-        _draw_ranked(axes, kept, panel, values)
+        limits |= _draw_ranked(axes, kept, panel, values)
+    heading += " (arrows: upper limits)" if limits else ""
+    canvas.heading(made, words.wrap(heading, int(11 * width), 2), 0.3)
     made.legend(
         handles=columns.handles(shown), loc="lower left", bbox_to_anchor=(0.6 / width, 0.02),
         ncols=2 * across, columnspacing=1.2,
@@ -78,12 +76,13 @@ def figure(rotors: pd.DataFrame) -> Figure:
 
 def _draw_ranked(
     axes: Axes, kept: pd.DataFrame, panel: tuple[str, str, str, bool], values: Floats
-) -> None:
+) -> bool:
+    """Draw one panel; return whether it has upper limits."""
     name, unit, label, logarithmic = panel
     low, high = columns.interval(kept, name, unit, values, column(kept, f"{name}_sd_{unit}"))
     # What may vanish has an upper limit alone, and its best value says nothing.
     bounded = np.isfinite(values) & ((low > 0) | (not logarithmic))
-    limited = np.isfinite(values) & ~bounded & (high > 0)
+    limited = logarithmic & ~bounded & (high > 0)
     at = np.where(bounded, values, high)
     order = np.lexsort((at, bounded))
     order = order[(bounded | limited)[order]]
@@ -91,7 +90,7 @@ def _draw_ranked(
     axes.set_xlabel(label)
     if len(order) == 0:
         canvas.notice(axes, "not known")
-        return
+        return False
     rank = np.arange(len(order), dtype=np.float64)
     low = np.where(bounded, low, at / 1.5)
     left, right = _limits(at, low, high, logarithmic)
@@ -124,6 +123,7 @@ def _draw_ranked(
     else:
         axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.set_ylabel("rotors, sorted")
+    return not bool(bounded.all())
 
 
 def _limits(at: Floats, low: Floats, high: Floats, logarithmic: bool) -> tuple[float, float]:

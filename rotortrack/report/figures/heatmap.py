@@ -20,6 +20,7 @@ from rotortrack.report.figures.canvas import Floats
 from rotortrack.report.words import Row
 
 PATH_POSITIONS = 20
+_LONGEST_PATH_FRAMES = 60
 SCALE_BAR_NM = 100.0
 
 
@@ -207,19 +208,21 @@ def _draw_centre(axes: Axes, xc: float, yc: float, rotor: Row) -> None:
 
 
 def _draw_path(axes: Axes, track: pd.DataFrame | None) -> None:
-    """Draw the first run of consecutive frames that is long enough."""
+    """Draw the first 20 positions of consecutive frames, or of as few frames as there are."""
     if track is None or len(track) < PATH_POSITIONS:
         return
     frames = track["frame"].to_numpy(np.int64)
     span = PATH_POSITIONS - 1
-    runs = np.flatnonzero(frames[span:] - frames[:-span] == span)
-    if len(runs) == 0:
+    lasted = frames[span:] - frames[:-span]
+    start = int(np.argmin(lasted))
+    if lasted[start] > _LONGEST_PATH_FRAMES:
         return
-    start = int(runs[0])
     some = track.iloc[start : start + PATH_POSITIONS]
+    # No line across a gap: nobody knows which way the rotor went.
+    gaps = np.flatnonzero(np.diff(frames[start : start + PATH_POSITIONS]) > 1) + 1
     axes.plot(
-        some["x_nm"],
-        some["y_nm"],
+        np.insert(some["x_nm"].to_numpy(np.float64), gaps, np.nan),
+        np.insert(some["y_nm"].to_numpy(np.float64), gaps, np.nan),
         "-o",
         color=style.INK,
         lw=0.6,

@@ -97,7 +97,7 @@ def _draw_speeds(axes: Axes, speeds: Floats, classes: list[str]) -> None:
     width = canvas.nice(most / 12)
     edges = np.arange(0.0, most + 1.001 * width, width)
     base = np.zeros(len(edges) - 1)
-    listed = {**PAPER_CLASSES, "": ("no class", style.INK)}
+    listed = {**PAPER_CLASSES, "": ("no class", style.PALE)}
     for name, (label, colour) in listed.items():
         counts, _ = np.histogram(speeds[known & (kinds == name)], edges)
         if counts.any():

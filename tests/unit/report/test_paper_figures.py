@@ -214,6 +214,29 @@ def test_a_power_that_may_vanish_is_an_arrow_at_its_upper_limit():
     assert 0.5 < axes.get_xlim()[0] < 7.0
 
 
+def test_diffusion_alone_makes_one_panel_whose_heading_fits():
+    rotors = pd.DataFrame({"rotor": [0, 1], "diffusion_rad2_s": [9.0, 0.0]})
+    rotors["diffusion_ci_low_rad2_s"] = [5.0, 0.0]
+    rotors["diffusion_ci_high_rad2_s"] = [12.0, 3.0]
+    figure = energetics.figure(rotors)
+    assert len(figure.axes) == 1
+    assert "upper limits" in figure.texts[0].get_text().replace("\n", " ")
+    assert overlaps(figure) == []
+    assert clipped(figure) == []
+
+
+def test_a_path_with_missing_frames_is_broken_at_them(whole):
+    spots, row, track = whole.run.of(0)
+    gappy = track[track["frame"] % 10 > 0]
+    axes = heatmap.figure(spots, row, gappy).axes[0]
+    (path,) = [line for line in axes.lines if line.get_label().startswith("frames")]
+    x = path.get_xdata()
+    assert np.isfinite(x).sum() == heatmap.PATH_POSITIONS
+    assert np.isnan(x).any()
+    steps = np.isfinite(x[1:] - x[:-1]).sum()
+    assert steps < heatmap.PATH_POSITIONS - 1
+
+
 def test_scatter_shows_a_point_a_rotor_with_both(whole):
     kept = columns.kept(whole.run.rotors)
     axes = scatter.figure(whole.run.rotors).axes[0]
