@@ -55,7 +55,7 @@ def choose(
     shape_px: tuple[int, int],
     image_origin_px: tuple[int, int] = (0, 0),
 ) -> Stretch | None:
-    """Choose the kept rotor with the largest radius over noise that has 20 frames on end.
+    """Choose the kept rotor whose tip moves fastest around, among those with 20 frames on end.
 
     Parameters
     ----------
@@ -65,14 +65,12 @@ def choose(
         Pixels of the movie: their size, rows and columns, and (x, y) of the first on the sensor.
     """
     kept = columns.kept(rotors)
-    noise = np.nan_to_num(column(kept, "localisation_sd_nm"), nan=1.0)
-    clear = np.nan_to_num(column(kept, "radius_nm") / np.maximum(noise, 1e-3))
+    radius = np.nan_to_num(column(kept, "radius_nm"))
     speed = np.nan_to_num(np.abs(column(kept, "omega_rad_s")))
     side = 2 * max(3, round(_HALF_NM / pixel_size_nm)) + 1
     if side > min(shape_px):
         return None
-    # A turn that can be followed by eye shows more than a large, still circle.
-    for k in np.lexsort((-speed, -clear.round(), speed == 0)):
+    for k in np.lexsort((-radius, -speed * radius)):
         row = kept.iloc[k]
         frame = tracks.loc[tracks["rotor"] == row["rotor"], "frame"].to_numpy(np.int64)
         runs = np.flatnonzero(frame[FRAMES - 1 :] - frame[: 1 - FRAMES] == FRAMES - 1)
