@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -165,6 +166,27 @@ def summarise(
         n_driven_q=int(np.count_nonzero(q < DRIVEN_P)),
         driven=driven_share(p),
         counter_clockwise=binomial_share(ccw, ccw + cw),
+    )
+
+
+def of_rotors(rotors: pd.DataFrame) -> Population:
+    """Summarise the kept rotors of a table that `measure_motion` filled.
+
+    Parameters
+    ----------
+    rotors
+        Columns of `tables.ROTORS`; texts and numbers that are missing count as unknown.
+    """
+    kept = rotors[rotors["verdict"] == "kept"] if "verdict" in rotors else rotors
+
+    def texts(name: str) -> list[str]:
+        return kept[name].fillna("").tolist() if name in kept else []
+
+    def numbers(name: str) -> Floats:
+        return kept[name].to_numpy("float64") if name in kept else np.empty(0)
+
+    return summarise(
+        texts("behaviour"), texts("paper_class"), numbers("drift_p"), numbers("drift_q")
     )
 
 

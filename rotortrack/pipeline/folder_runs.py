@@ -12,6 +12,7 @@ import numpy as np
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.exchange.tables import read_info
 from rotortrack.exchange.writer import TableInfo
+from rotortrack.motion.population import of_rotors
 from rotortrack.pipeline import stages
 from rotortrack.pipeline.identity import describe, identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
@@ -118,6 +119,7 @@ def motion_of_run(
                     f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again"
                 )
             moved = stages.move(tables["localisations"], tables["rotors"], settings)
+            record.content["population"] = of_rotors(moved.rotors).plain()
             tables.update(moved.tables)
             names = list(moved.tables)
             if trace is not None and recorded_trace is not None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rotortrack.cameras.line_noise import check_line_noise
 from rotortrack.cameras.photon_transfer import GainEstimate, gain_from_movie, warn_if_contradicted
 from rotortrack.errors import ResourceError
+from rotortrack.motion.population import of_rotors
 from rotortrack.movies.movie import Movie
 from rotortrack.pipeline import stages
 from rotortrack.pipeline.checkpoints import (
@@ -71,6 +72,8 @@ class Result:
         Frames, dx (nm) and dy (nm) of the bins behind the drift.
     mean_image
         Mean of some frames, in counts.
+    movie
+        The movie itself, open while the figures are drawn.
     """
 
     folder: RunFolder
@@ -79,6 +82,7 @@ class Result:
     tables: Mapping[str, pd.DataFrame]
     drift_bins: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
     mean_image: NDArray[np.float32] | None = None
+    movie: Movie | None = None
 
     @property
     def rotors(self) -> pd.DataFrame:
@@ -198,6 +202,7 @@ class _Run:
         with self._stage("motion"):
             moved = stages.move(found.localisations, found.rotors, settings, workers=workers)
             record_verdicts(record, moved.rotors)
+            record.content["population"] = of_rotors(moved.rotors).plain()
         drift = corrected.drift
         tables = {
             "localisations": found.localisations,
@@ -212,7 +217,7 @@ class _Run:
             folder.commit(tables, info, record, unfinished=unfinished)
             self._parts.tidy()
         bins = (drift.bin_frames, drift.bin_dx_nm, drift.bin_dy_nm)
-        result = Result(folder, settings, record, tables, bins, image)
+        result = Result(folder, settings, record, tables, bins, image, self._source.movie)
         if draw is not None:
             with self._stage("figures"):
                 draw(result)

@@ -49,7 +49,8 @@ if TYPE_CHECKING:
 
 
 FIGURE_NAME = re.compile(
-    r"(field|speeds|cumulative_angles|msds|drift|voltage|rotor-\d{3,})\.(png|svg|pdf)"
+    r"(field|positions|examples|frames|speeds|population|energetics|scatter|cumulative_angles|msds"
+    r"|drift|voltage|voltage_angles|voltage_examples|rotor-\d{3,})\.(png|svg|pdf)"
 )
 """Names of the figures that a run draws; other files beside them are the user's."""
 

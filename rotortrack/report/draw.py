@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,23 +20,31 @@ from rotortrack.report.figures import (
     camera_maps,
     canvas,
     cumulative_angle,
+    energetics,
+    examples,
     field,
+    frames,
+    gallery,
     msd,
     particles,
     plan,
+    population,
     rotor_sheet,
+    scatter,
     speeds,
     voltage,
+    voltage_traces,
 )
 from rotortrack.report.figures import (
     drift as drift_figure,
 )
-from rotortrack.report.figures.canvas import FileFormat
+from rotortrack.report.figures.canvas import FileFormat, NothingToDrawError
 
 if TYPE_CHECKING:
     from rotortrack.cameras.calibrate import Calibration
     from rotortrack.motion.ensemble import Ensemble
     from rotortrack.motion.plan_movie import MoviePlan
+    from rotortrack.movies.movie import Movie
 
 _FOLDER = "figures"
 
@@ -48,23 +57,28 @@ def draw_run(
     localisations: pd.DataFrame,
     drift: pd.DataFrame,
     frame_interval_s: float,
+    exposure_s: float | None = None,
     pixel_size_nm: float | None = None,
     mean_image: ArrayLike | None = None,
     image_origin_px: tuple[int, int] = (0, 0),
     drift_bins: drift_figure.Bins | None = None,
     switches: pd.DataFrame | None = None,
+    posterior: pd.DataFrame | None = None,
+    profiles: pd.DataFrame | None = None,
     voltages: pd.DataFrame | None = None,
     voltage_speeds: pd.DataFrame | None = None,
+    movie: Movie | None = None,
     max_sheets: int = 100,
     file_format: FileFormat = "png",
     progress: Callable[[int, int], None] | None = None,
+    skipped: Callable[[str, str], None] | None = None,
 ) -> list[Path]:
     """Write all figures of a run into its `figures` folder, each whole or not at all.
 
-    field, speeds, cumulative_angles, msds, drift, voltage where there is a trace, then a sheet
-    `rotor-NNN` a rotor: kept rotors first, refused ones after them, up to `max_sheets`. Figures of
-    an earlier run that this one does not have are removed, so that the folder never shows rotors of
-    other tables.
+    The README's table says what each shows. A figure whose tables or columns are missing or empty
+    is not drawn. Last comes a sheet `rotor-NNN` a rotor: kept rotors first, refused ones after
+    them, up to `max_sheets`. Figures of an earlier run that this one does not have are removed, so
+    that the folder never shows rotors of other tables.
 
     Parameters
     ----------
@@ -73,22 +87,27 @@ def draw_run(
     rotors, tracks, localisations, drift
         Tables of the run, with the columns of `rotortrack.tables`; each may be empty. The
         localisations carry `rotor`.
-    frame_interval_s
-        Time from frame to frame (s).
+    frame_interval_s, exposure_s
+        Time from frame to frame, and exposure within it (s); without the latter there are no speeds
+        in windows of time.
     pixel_size_nm, mean_image, image_origin_px
         Mean image of the movie (y, x), its pixel size (nm) and where it starts on the sensor.
     drift_bins
         Frames, dx (nm), dy (nm) of the bins behind the drift.
-    switches
-        Switches of speed, which are marked on the cumulative angles.
+    switches, posterior, profiles
+        Further tables of the run.
     voltages, voltage_speeds
-        What a recorded trace told of the frames and rotors; the figure `voltage` shows both.
+        What a recorded trace told of the frames and rotors.
+    movie
+        The movie, for some frames of one rotor.
     max_sheets
         Most rotor sheets that are drawn.
     file_format
         png, svg or pdf.
     progress
-        Called with the number of figures written and their total after each.
+        Called with the number of figures dealt with and their total after each.
+    skipped
+        Called with the name of each figure that is not drawn, and the reason.
 
     Returns
     -------
@@ -105,53 +124,78 @@ def draw_run(
     target = folder / _FOLDER
     of_track = _ByRotor(tracks)
     of_spots = _ByRotor(localisations)
+    of_posterior = _ByRotor(posterior)
+    of_profile = _ByRotor(profiles, "bin")
     curves = {number: msd.curve(part, frame_interval_s) for number, part in of_track.items()}
-    listed = _sheet_rows(rotors, max_sheets)
+    interval = {"frame_interval_s": frame_interval_s}
 
-    def figures() -> Iterator[tuple[str, Figure]]:
-        yield (
-            "field",
-            field.figure(
-                rotors,
-                localisations,
-                image=mean_image,
-                pixel_size_nm=pixel_size_nm,
-                image_origin_px=image_origin_px,
-            ),
+    def sheet(row: dict[Any, Any]) -> Figure:
+        number = int(row["rotor"])
+        return rotor_sheet.figure(
+            of_spots.get(number, localisations.iloc[:0]),
+            row,
+            of_track.get(number),
+            exposure_s=exposure_s,
+            msd_curve=curves.get(number),
+            switches=None if switches is None else switches[switches["rotor"] == number],
+            posterior=of_posterior.get(number),
+            angle_profile=of_profile.get(number),
+            **interval,
         )
-        yield "speeds", speeds.figure(rotors)
-        yield (
-            "cumulative_angles",
-            cumulative_angle.all_rotors(rotors, of_track, frame_interval_s=frame_interval_s),
-        )
-        yield "msds", msd.all_rotors(rotors, curves)
-        yield "drift", drift_figure.figure(drift, bins=drift_bins)
-        if voltages is not None and voltage_speeds is not None:
-            yield (
-                "voltage",
-                voltage.figure(voltage_speeds, voltages, frame_interval_s=frame_interval_s),
-            )
-        for row in listed:
-            number = int(row["rotor"])
-            sheet = rotor_sheet.figure(
-                of_spots.get(number, localisations.iloc[:0]),
-                row,
-                of_track.get(number),
-                frame_interval_s=frame_interval_s,
-                msd_curve=curves.get(number),
-                switches=None if switches is None else switches[switches["rotor"] == number],
-            )
-            yield f"rotor-{number:03d}", sheet
 
-    total = 5 + (voltages is not None and voltage_speeds is not None) + len(listed)
+    figures: dict[str, Callable[[], Figure]] = {
+        "field": lambda: field.figure(
+            rotors,
+            localisations,
+            image=mean_image,
+            pixel_size_nm=pixel_size_nm,
+            image_origin_px=image_origin_px,
+        ),
+        "positions": lambda: gallery.figure(rotors, of_spots),
+        "examples": lambda: examples.figure(
+            rotors, of_track, of_spots, switches=switches, **interval
+        ),
+        "speeds": lambda: speeds.figure(rotors),
+        "population": lambda: population.figure(rotors),
+        "energetics": lambda: energetics.figure(rotors),
+        "scatter": lambda: scatter.figure(rotors),
+        "cumulative_angles": lambda: cumulative_angle.all_rotors(rotors, of_track, **interval),
+        "msds": lambda: msd.all_rotors(rotors, curves),
+        "drift": lambda: drift_figure.figure(drift, bins=drift_bins),
+    }
+    if voltages is not None and voltage_speeds is not None:
+        volts, at_volts = voltages, voltage_speeds
+        figures["voltage"] = lambda: voltage.figure(at_volts, volts, **interval)
+        figures["voltage_angles"] = lambda: voltage_traces.all_rotors(
+            rotors, of_track, volts, **interval
+        )
+        if exposure_s is not None:
+            exposed_s = exposure_s
+            figures["voltage_examples"] = lambda: voltage_traces.examples(
+                rotors, of_track, volts, exposure_s=exposed_s, switches=switches, **interval
+            )
+    if movie is not None and pixel_size_nm is not None:
+        film, size_nm = movie, pixel_size_nm
+        figures["frames"] = lambda: frames.of_movie(
+            film, rotors, tracks, pixel_size_nm=size_nm, **interval
+        )
+    for row in _sheet_rows(rotors, max_sheets):
+        figures[f"rotor-{int(row['rotor']):03d}"] = functools.partial(sheet, row)
+
     written: list[Path] = []
-    for stem, made in figures():
-        path = target / f"{stem}.{file_format}"
-        with atomic_path(path) as temporary:
-            canvas.save(made, temporary, file_format)
-        written.append(path)
+    for done, (stem, make) in enumerate(figures.items(), 1):
+        try:
+            made = make()
+        except NothingToDrawError as reason:
+            if skipped is not None:
+                skipped(stem, str(reason))
+        else:
+            path = target / f"{stem}.{file_format}"
+            with atomic_path(path) as temporary:
+                canvas.save(made, temporary, file_format)
+            written.append(path)
         if progress is not None:
-            progress(len(written), total)
+            progress(done, len(figures))
     for path in target.iterdir():
         if FIGURE_NAME.fullmatch(path.name) and path not in written:
             path.unlink()
@@ -216,17 +260,17 @@ def _sheet_rows(rotors: pd.DataFrame, most: int) -> list[dict[Any, Any]]:
 
 
 class _ByRotor(Mapping[int, pd.DataFrame]):
-    """A table's rows of each rotor in order of frames, cut out when they are asked for.
+    """A table's rows of each rotor in order of a column, cut out when they are asked for.
 
     -1 belongs to none.
     """
 
-    def __init__(self, table: pd.DataFrame) -> None:
-        self._table = table
+    def __init__(self, table: pd.DataFrame | None, sorted_by: str = "frame") -> None:
+        self._table = pd.DataFrame() if table is None else table
         self._rows: dict[int, NDArray[np.intp]] = {}
-        if "rotor" in table and len(table):
+        if table is not None and "rotor" in table and len(table):
             numbers = table["rotor"].to_numpy(np.int64)
-            order = np.lexsort((table["frame"].to_numpy(), numbers))
+            order = np.lexsort((table[sorted_by].to_numpy(), numbers))
             order = order[numbers[order] >= 0]
             found, starts = np.unique(numbers[order], return_index=True)
             parts = np.split(order, starts[1:])

@@ -39,6 +39,10 @@ _NO_DATES: dict[str, dict[str, None]] = {
 }
 
 
+class NothingToDrawError(Exception):
+    """A run lacks what a figure shows; the message is the reason."""
+
+
 @contextmanager
 def house_style() -> Iterator[None]:
     """Put matplotlib's defaults and `style.SETTINGS` in force for this block alone."""
@@ -87,6 +91,21 @@ def heading(figure: Figure, words: str, left_in: float, top_in: float = 0.12) ->
     figure.text(
         left_in / width, 1 - top_in / height, words, va="top", ha="left", fontsize=10, weight="bold"
     )
+
+
+def caption(axes: Axes, words: str) -> None:
+    """Write a title with its legend, at most two entries, on a line of its own below it."""
+    explained = bool(axes.get_legend_handles_labels()[1])
+    axes.set_title(words, y=1.0 + (0.27 if explained else 0.07) / _height_in(axes))
+    if explained:
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, borderpad=0.2
+        )
+
+
+def _height_in(axes: Axes) -> float:
+    figure = axes.get_figure(root=True)
+    return 1.0 if figure is None else float(axes.get_position().height * figure.get_figheight())
 
 
 def notice(axes: Axes, words: str) -> None:

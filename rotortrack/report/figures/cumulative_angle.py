@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
 from rotortrack.report.figures.canvas import Floats
+from rotortrack.report.figures.columns import handles, kept
+from rotortrack.report.style import Look
 from rotortrack.report.words import Row
 from rotortrack.units import TURN_RAD
 
@@ -99,11 +100,26 @@ def all_rotors(
     """
     made = canvas.new_figure(9.3, 5.0)
     axes = canvas.place(made, 0.8, 0.55, 4.9, 3.95)
-    kept = rotors[rotors["verdict"] == "kept"] if "verdict" in rotors else rotors
+    drawn = draw_all(axes, rotors, tracks, frame_interval_s=frame_interval_s)
+    canvas.heading(made, f"Cumulative angle of {words.count(len(drawn), 'rotor')}", 0.2)
+    made.legend(
+        handles=handles(drawn, line=True), loc="upper left", bbox_to_anchor=(6.85 / 9.3, 4.6 / 5.0)
+    )
+    return made
+
+
+def draw_all(
+    axes: Axes, rotors: pd.DataFrame, tracks: Mapping[int, pd.DataFrame], *, frame_interval_s: float
+) -> list[Look]:
+    """Draw all kept rotors' cumulative angles into axes; return the looks of those that have any.
+
+    Parameters as `all_rotors`.
+    """
+    drawn = kept(rotors)
     ends: list[tuple[float, int, str]] = []
-    seen: dict[str, int] = {}
+    shown: list[Look] = []
     last, extremes = 0.0, [0.0]
-    for row in kept.to_dict("records"):
+    for row in drawn.to_dict("records"):
         number = int(row["rotor"])
         if number not in tracks:
             continue
@@ -112,26 +128,19 @@ def all_rotors(
             continue
         look = style.behaviour(row.get("behaviour"))
         axes.plot(*canvas.thin(time, turns, 500), color=look.colour, lw=0.8)
-        seen[look.label] = seen.get(look.label, 0) + 1
+        shown.append(look)
         ends.append((float(turns[-1]), number, look.colour))
         last = max(last, time[-1])
         extremes += [float(turns.min()), float(turns.max())]
-    canvas.heading(made, f"Cumulative angle of {words.count(len(ends), 'rotor')}", 0.2)
     axes.set_xlabel("time (s)")
     axes.set_ylabel("revolutions")
     if not ends:
         canvas.notice(axes, "no rotors")
-        return made
+        return shown
     _frame(axes, last, np.array(extremes))
     _number_ends(axes, ends)
     _degrees_axis(axes, offset_points=24)
-    handles = [
-        Line2D([], [], color=look.colour, label=f"{look.label} ({seen[look.label]})")
-        for look in style.BEHAVIOURS.values()
-        if look.label in seen
-    ]
-    made.legend(handles=handles, loc="upper left", bbox_to_anchor=(6.85 / 9.3, 4.6 / 5.0))
-    return made
+    return shown
 
 
 def _draw_switches(axes: Axes, time: Floats, turns: Floats, switches: pd.DataFrame) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from matplotlib.patches import Circle
+from matplotlib.patches import Annulus, Circle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
@@ -20,6 +20,7 @@ from rotortrack.report.figures.canvas import Floats
 from rotortrack.report.words import Row
 
 PATH_POSITIONS = 20
+_LONGEST_PATH_FRAMES = 60
 SCALE_BAR_NM = 100.0
 
 
@@ -43,21 +44,27 @@ def figure(localisations: pd.DataFrame, rotor: Row, track: pd.DataFrame | None =
 
 
 def draw(
-    axes: Axes, localisations: pd.DataFrame, rotor: Row, track: pd.DataFrame | None = None
+    axes: Axes,
+    localisations: pd.DataFrame,
+    rotor: Row,
+    track: pd.DataFrame | None = None,
+    *,
+    bare: bool = False,
 ) -> None:
     """Draw the heatmap into square axes; a colour bar is put at their right.
 
-    Positions are nm on the full sensor, y downwards as on the displayed image.
+    Positions are nm on the full sensor, y downwards as on the displayed image. A bare map has
+    neither ticks nor legend nor colour bar.
     """
-    x, y = _positions(localisations)
+    x, y = positions(localisations)
     left, top, side = _window(x, y, rotor)
     pixel = max(0.5, canvas.nice(side / 50))
     pixels = math.ceil(side / pixel)
-    counts = _counts(x - left, y - top, pixel, pixels)
-    most = float(max(counts.max(), 1))
+    seen = counts(x - left, y - top, pixel, pixels)
+    most = float(max(seen.max(), 1))
     end = pixels * pixel
     image = axes.imshow(
-        np.ma.masked_equal(counts, 0),
+        np.ma.masked_equal(seen, 0),
         cmap=style.COUNTS_MAP,
         # Below zero, so that a single spot is already coloured on the white paper.
         vmin=-0.2 * most,
@@ -73,6 +80,10 @@ def draw(
     _draw_circle(axes, rotor)
     _draw_scale_bar(axes, left + 0.96 * end, top + 0.96 * end)
     axes.spines[["top", "right"]].set_visible(True)
+    if bare:
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
         axis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
@@ -98,7 +109,7 @@ def draw(
     _draw_colour_bar(axes, image, f"localisations per ({pixel:g} nm)²")
 
 
-def _positions(localisations: pd.DataFrame) -> tuple[Floats, Floats]:
+def positions(localisations: pd.DataFrame) -> tuple[Floats, Floats]:
     """Return the finite positions that count: not the spare ones of a frame."""
     x = localisations["x_nm"].to_numpy(np.float64)
     y = localisations["y_nm"].to_numpy(np.float64)
@@ -132,7 +143,7 @@ def _window(x: Floats, y: Floats, rotor: Row) -> tuple[float, float, float]:
     return x_mid - half, y_mid - half, 2 * half
 
 
-def _counts(across: Floats, down: Floats, pixel: float, pixels: int) -> Floats:
+def counts(across: Floats, down: Floats, pixel: float, pixels: int) -> Floats:
     """Count positions in square pixels."""
     column, row = np.floor(across / pixel), np.floor(down / pixel)
     inside = (column >= 0) & (column < pixels) & (row >= 0) & (row < pixels)
@@ -163,7 +174,7 @@ def _draw_colour_bar(axes: Axes, image: AxesImage, label: str) -> None:
 
 
 def _draw_circle(axes: Axes, rotor: Row) -> None:
-    """Draw the fitted circle and its centre, each if it comes into view."""
+    """Draw the fitted circle (± two sd) and its centre, each if it comes into view."""
     xc, yc = words.number(rotor, "x_nm"), words.number(rotor, "y_nm")
     # The circle that the positions lie on; the table's radius is corrected for motion blur.
     radius = words.number(rotor, "radius_fit_nm")
@@ -178,26 +189,40 @@ def _draw_circle(axes: Axes, rotor: Row) -> None:
         axes.add_patch(
             Circle((xc, yc), radius, fill=False, color=style.VERMILLION, lw=1.3, label="circle")
         )
+        radius_sd = words.number(rotor, "radius_sd_nm")
+        if 0 < 2 * radius_sd < radius:
+            axes.add_patch(
+                Annulus((xc, yc), radius + 2 * radius_sd, 4 * radius_sd, color=style.ORANGE,
+                        alpha=0.5, lw=0)
+            )  # fmt: skip
     if nearest == 0:
-        axes.plot(
-            [xc], [yc], "+", color=style.VERMILLION, ms=11, mew=1.6, ls="none", label="centre"
-        )
+        _draw_centre(axes, xc, yc, rotor)
+
+
+def _draw_centre(axes: Axes, xc: float, yc: float, rotor: Row) -> None:
+    """Draw the centre with bars of two standard deviations; too short ones are only a cross."""
+    x_sd, y_sd = (2 * np.nan_to_num(words.number(rotor, name)) for name in ("x_sd_nm", "y_sd_nm"))
+    axes.errorbar([xc], [yc], xerr=[x_sd], yerr=[y_sd], fmt="none", ecolor=style.ORANGE,
+                  elinewidth=4.0)  # fmt: skip
+    axes.plot([xc], [yc], "+", color=style.VERMILLION, ms=11, mew=1.6, ls="none", label="centre")
 
 
 def _draw_path(axes: Axes, track: pd.DataFrame | None) -> None:
-    """Draw the first run of consecutive frames that is long enough."""
+    """Draw the first 20 positions of consecutive frames, or of as few frames as there are."""
     if track is None or len(track) < PATH_POSITIONS:
         return
     frames = track["frame"].to_numpy(np.int64)
     span = PATH_POSITIONS - 1
-    runs = np.flatnonzero(frames[span:] - frames[:-span] == span)
-    if len(runs) == 0:
+    lasted = frames[span:] - frames[:-span]
+    start = int(np.argmin(lasted))
+    if lasted[start] > _LONGEST_PATH_FRAMES:
         return
-    start = int(runs[0])
     some = track.iloc[start : start + PATH_POSITIONS]
+    # No line across a gap: nobody knows which way the rotor went.
+    gaps = np.flatnonzero(np.diff(frames[start : start + PATH_POSITIONS]) > 1) + 1
     axes.plot(
-        some["x_nm"],
-        some["y_nm"],
+        np.insert(some["x_nm"].to_numpy(np.float64), gaps, np.nan),
+        np.insert(some["y_nm"].to_numpy(np.float64), gaps, np.nan),
         "-o",
         color=style.INK,
         lw=0.6,

@@ -123,7 +123,7 @@ def visible_texts(figure: Figure) -> list[tuple[str, np.ndarray]]:
     hidden = set()
     for axes in [a for parent in figure.axes for a in (parent, *parent.child_axes)]:
         for axis in (axes.xaxis, axes.yaxis):
-            if not axis.get_visible():
+            if not (axes.axison and axis.get_visible()):
                 hidden |= set(map(id, axis.findobj(Text)))
                 continue
             shown = set(map(id, axis._update_ticks()))

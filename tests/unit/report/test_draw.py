@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from rotortrack.errors import ResourceError
+from rotortrack.movies.movie import ArrayMovie
+from rotortrack.pipeline.store import FIGURE_NAME
 from rotortrack.report.draw import draw_run
 from rotortrack.tables import DRIFT, LOCALISATIONS, ROTORS, TRACKS, empty
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mock_run import FRAME_INTERVAL_S, make_run
+from mock_tables import make_whole
 
-OVERVIEWS = ["field", "speeds", "cumulative_angles", "msds", "drift"]
+OVERVIEWS = [
+    "field", "positions", "examples", "speeds", "population", "energetics", "scatter",
+    "cumulative_angles", "msds", "drift",
+]  # fmt: skip
+ALWAYS = ["field", "speeds", "cumulative_angles", "msds", "drift"]
 
 
 def draw(folder, run, **options):
@@ -45,8 +52,21 @@ def test_a_run_gets_its_overviews_and_kept_rotors_first(run, tmp_path):
 def test_sheets_stop_at_the_limit_and_progress_counts_every_figure(run, tmp_path):
     calls = []
     written = draw(tmp_path, run, max_sheets=2, progress=lambda *call: calls.append(call))
-    assert [path.stem for path in written[5:]] == ["rotor-000", "rotor-001"]
-    assert calls == [(i, 7) for i in range(1, 8)]
+    assert [path.stem for path in written[10:]] == ["rotor-000", "rotor-001"]
+    assert calls == [(i, 12) for i in range(1, 13)]
+
+
+def test_every_figure_of_a_whole_run_may_be_removed_by_the_next(tmp_path):
+    whole = make_whole(6, 800)
+    tables = whole.tables()
+    movie = ArrayMovie(np.ones((800, 99, 99), np.uint16))
+    shown = draw_run(
+        tmp_path, **tables, frame_interval_s=FRAME_INTERVAL_S, exposure_s=FRAME_INTERVAL_S,
+        pixel_size_nm=100.0, movie=movie, max_sheets=1,
+    )  # fmt: skip
+    voltages = ["voltage", "voltage_angles", "voltage_examples"]
+    assert [path.stem for path in shown] == [*OVERVIEWS, *voltages, "frames", "rotor-000"]
+    assert all(FIGURE_NAME.fullmatch(path.name) for path in shown)
 
 
 def test_figures_of_an_earlier_run_go_and_foreign_files_stay(run, tmp_path):
@@ -59,7 +79,8 @@ def test_figures_of_an_earlier_run_go_and_foreign_files_stay(run, tmp_path):
     assert left == {"my-rotor-417.png", "notes.txt"}
 
 
-def test_empty_tables_give_figures_that_say_so(tmp_path):
+def test_empty_tables_give_figures_that_say_so_or_none_with_its_reason(tmp_path):
+    reasons = {}
     written = draw_run(
         tmp_path,
         rotors=empty(ROTORS),
@@ -68,8 +89,11 @@ def test_empty_tables_give_figures_that_say_so(tmp_path):
         drift=empty(DRIFT),
         frame_interval_s=0.002,
         file_format="svg",
+        skipped=reasons.__setitem__,
     )
-    assert [path.name for path in written] == [f"{stem}.svg" for stem in OVERVIEWS]
+    assert [path.name for path in written] == [f"{stem}.svg" for stem in ALWAYS]
+    assert set(reasons) == set(OVERVIEWS) - set(ALWAYS)
+    assert reasons["positions"] == "no kept rotor has a centre"
     # Glyphs are paths in the files, but the words stay beside them as comments.
     for path in written[:4]:
         assert "no rotors" in path.read_text(), path.name

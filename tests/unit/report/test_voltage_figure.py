@@ -95,4 +95,4 @@ def test_a_run_with_a_trace_has_the_figure(tmp_path):
         drift=run.drift, frame_interval_s=FRAME_INTERVAL_S, voltages=volts, voltage_speeds=speeds,
         switches=some_switches([0.1]), max_sheets=1,
     )  # fmt: skip
-    assert [path.stem for path in written[5:]] == ["voltage", "rotor-000"]
+    assert [path.stem for path in written[-3:]] == ["voltage", "voltage_angles", "rotor-000"]
