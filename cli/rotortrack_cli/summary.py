@@ -62,10 +62,10 @@ def _show(console: Console, result: Result, seconds: float) -> None:
     if "behaviour" in kept and len(kept):
         found = ", ".join(f"{n} {name}" for name, n in Counter(kept["behaviour"]).most_common())
         lines.append(f"  behaviour       {found}")
-    driven = (result.record.content.get("population") or {}).get("driven", {}).get("estimate", {})
+    driven = (result.record.content.get("population") or {}).get("driven", {}).get("at_least", {})
     if driven.get("value") is not None:
-        share, low, high = (100 * driven[name] for name in ("value", "low", "high"))
-        lines.append(f"  driven          {share:.0f} % by their p ({low:.0f} to {high:.0f} %)")
+        share, low = 100 * driven["value"], 100 * driven["low"]
+        lines.append(f"  driven          {share:.0f} % beyond chance, at least {low:.0f} %")
     for note in result.record.content["notes"]:
         lines += textwrap.wrap(
             note, WIDTH, initial_indent="note              ", subsequent_indent=" " * 18

@@ -206,7 +206,8 @@ def _driven(told: _Told) -> Behaviour:
         return Behaviour("switching", evidence, reversal)
     return Behaviour(
         "driven_ccw" if fit.omega_rad_s > 0.0 else "driven_cw",
-        f"{fit.omega_rad_s:.3g} +- {fit.omega_sd_rad_s:.2g} rad/s, p {fit.drift_p:.1g} of no drift",
+        f"turns at {fit.omega_rad_s:.3g} +- {fit.omega_sd_rad_s:.2g} rad/s, p {fit.drift_p:.1g} of "
+        "no drift",
         margin,
     )
 

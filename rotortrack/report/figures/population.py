@@ -155,9 +155,9 @@ def _percent(share: float) -> str:
 
 
 def _driven(rotors: pd.DataFrame) -> str:
-    """Write the driven share with its interval, empty where it is not known."""
-    share = of_rotors(rotors).driven.estimate
+    """Write the driven share with its lower limit, empty where it is not known."""
+    share = of_rotors(rotors).driven.at_least
     if not math.isfinite(share.value):
         return ""
-    between = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-    return f"driven by their p: {100 * share.value:.0f} %, {between}"
+    sure = f"at least {100 * share.low:.0f} % (97.5 % sure)"
+    return f"driven beyond chance (p < 5 %): {100 * share.value:.0f} %, {sure}"
