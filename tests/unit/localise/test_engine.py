@@ -137,6 +137,25 @@ def test_a_wrong_threshold_is_refused():
         run(ArrayMovie(film()), threshold="std(Wave.F9)")
 
 
+@pytest.mark.parametrize(("order", "scale"), [(1, 2.0), (3, 0.5)])
+def test_a_filter_that_shows_no_spot_is_refused(order, scale):
+    with pytest.raises(ConfigurationError, match="single pixel"):
+        run(ArrayMovie(film()), wavelet_order=order, wavelet_scale=scale)
+
+
+@pytest.mark.parametrize("block_frames", [0, -1])
+def test_blocks_without_frames_are_refused(block_frames):
+    blocks = localise(
+        ArrayMovie(film()),
+        Camera(100.0, 0.45, 1.6),
+        LocaliseOptions(),
+        pixel_size_nm=100.0,
+        block_frames=block_frames,
+    )
+    with pytest.raises(ConfigurationError, match="block_frames"):
+        list(blocks)
+
+
 def test_per_pixel_maps_of_a_uniform_camera_change_nothing():
     shape = (34, 40)
     maps = Camera(
