@@ -166,7 +166,11 @@ def test_radial_symmetry_is_taken_over() -> None:
     read = protocol(analysisEstimator={"name": "Radial symmetry", "fittingRadius": 4})
     assert read.left_out == []
     taken = settings(read)["localise"]
-    assert (taken.method, taken.fit_radius_px, taken.clip_at_border) == ("radial-symmetry", 4, False)
+    assert (taken.method, taken.fit_radius_px, taken.clip_at_border) == (
+        "radial-symmetry",
+        4,
+        False,
+    )
 
 
 def test_radial_symmetry_goes_with_the_preset_of_the_paper() -> None:
