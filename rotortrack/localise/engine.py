@@ -225,8 +225,9 @@ class _Worker:
     def __call__(self, frames: tuple[int, int]) -> Block:
         start, stop = frames
         options = self._options
-        counts, camera = self._prepare(self._reader().frames(start, stop))
-        missing = 0 if counts.dtype.kind == "u" else int(np.count_nonzero(~np.isfinite(counts)))
+        read = self._reader().frames(start, stop)
+        missing = int(np.count_nonzero(~np.isfinite(read))) if read.dtype.kind == "f" else 0
+        counts, camera = self._prepare(read)
         candidates = find_candidates(
             counts,
             camera,

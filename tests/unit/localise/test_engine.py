@@ -110,6 +110,19 @@ def test_pixels_without_a_number_are_masked_and_flagged():
     assert np.isfinite(table[["x_nm", "y_nm", "photons"]]).all().all()
 
 
+@pytest.mark.parametrize("shift", [False, True])
+def test_dead_pixels_of_the_camera_are_no_missing_numbers_of_the_movie(shift):
+    dead = np.zeros((34, 40), bool)
+    dead[20, 31] = True
+    blocks = localise(
+        ArrayMovie(film(frames=2)),
+        Camera(100.0, 0.5, 1.5, dead_pixels=dead),
+        LocaliseOptions(shift_negative_frames=shift),
+        pixel_size_nm=PIXEL,
+    )
+    assert [block.counts.masked_pixels for block in blocks] == [0]
+
+
 def test_negative_counts_do_no_harm():
     table = run(ArrayMovie(film().astype(np.int16) - 150))
     assert np.isfinite(table["x_nm"]).all()
