@@ -218,6 +218,16 @@ def _estimator(protocol: Protocol, estimator: Mapping[str, Any]) -> None:
     name = estimator.get("name")
     if name is None:
         return
+    if name == "Radial symmetry":
+        # The plugin's formulas of the uncertainty need a width, which it does not get here.
+        protocol.take(
+            "localise",
+            method="radial-symmetry",
+            fit_radius_px=_whole(_field(estimator, "fittingRadius", "fitradius")),
+            clip_at_border=False,
+            uncertainty="bound",
+        )
+        return
     if name not in ("PSF: Integrated Gaussian", "PSF: Gaussian"):
         protocol.left_out.append(
             f"its estimator {_quoted(name)} does not exist here: spots are fitted by an integrated "

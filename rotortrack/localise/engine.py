@@ -117,7 +117,8 @@ def localise(
     Raises
     ------
     ConfigurationError
-        The threshold is not a formula, or the uncertainty is one for fits and there are none.
+        The threshold is not a formula, the filter is too narrow to be one, the uncertainty is one
+        for fits and there are none, or a block is to have no frame.
     MovieError
         A frame is smaller than the fit window, or cannot be read.
     CameraError
@@ -138,6 +139,14 @@ def localise(
             f"uncertainty = {options.uncertainty!r} is a formula for fits, and method = "
             f"{options.method!r} makes none: choose mle, wlsq or lsq, or uncertainty = 'bound'"
         )
+    if bspline_taps(options.wavelet_order, options.wavelet_scale).size == 1:
+        raise ConfigurationError(
+            f"wavelet_order = {options.wavelet_order} with wavelet_scale = "
+            f"{options.wavelet_scale:g} makes a filter of a single pixel, in which no spot shows: "
+            "choose them so that their product is above 2"
+        )
+    if block_frames is not None and block_frames < 1:
+        raise ConfigurationError(f"block_frames is {block_frames}: give 1 or more")
     camera.check_fits(height, width)
     worker = _Worker(movie, camera, options, pixel_size_nm)
     if block_frames is None:
@@ -216,8 +225,9 @@ class _Worker:
     def __call__(self, frames: tuple[int, int]) -> Block:
         start, stop = frames
         options = self._options
-        counts, camera = self._prepare(self._reader().frames(start, stop))
-        missing = 0 if counts.dtype.kind == "u" else int(np.count_nonzero(~np.isfinite(counts)))
+        read = self._reader().frames(start, stop)
+        missing = int(np.count_nonzero(~np.isfinite(read))) if read.dtype.kind == "f" else 0
+        counts, camera = self._prepare(read)
         candidates = find_candidates(
             counts,
             camera,

@@ -7,13 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rotortrack.cameras.camera import Camera, camera_from_options
 from rotortrack.errors import ConfigurationError, MetadataWarning
 from rotortrack.exchange.tables import open_writer
 from rotortrack.exchange.writer import TableInfo
-from rotortrack.localise.engine import Counts, localise
+from rotortrack.localise.engine import Columns, Counts, localise
+from rotortrack.localise.options import LocaliseOptions
 from rotortrack.movies.movie import Movie
 from rotortrack.movies.select import select
 from rotortrack.movies.tiff import open_movie
@@ -22,8 +26,16 @@ from rotortrack.pipeline.presets import SECTIONS, WORKFLOW
 from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record
 from rotortrack.settings import Layer, Settings, resolve
 
+if TYPE_CHECKING:
+    from rotortrack.cameras.photon_transfer import GainEstimate
+
 _FROM_FILE = ("pixel_size_nm", "frame_interval_s", "exposure_s")
 _DISAGREEMENT = 0.01
+
+_MISFIT_RATIO = 1.2
+"""Chi-square over its expectation, or the inverse, from which the gain is in doubt."""
+
+_FEWEST_FITS_JUDGED, _MOST_FITS_JUDGED = 30, 10_000
 
 
 class Progress(Protocol):
@@ -196,6 +208,48 @@ def absent_frames(movie: Movie) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
+def check_gain(source: OpenedMovie) -> GainEstimate:
+    """Estimate the gain from the movie's own noise and warn where the camera's contradicts it."""
+    # Its image filters take a while to import, and few movies need it here.
+    from rotortrack.cameras.photon_transfer import gain_from_movie, warn_if_contradicted
+
+    saturation = source.camera.saturation_adu
+    estimate = gain_from_movie(
+        source.movie, saturation_adu=None if saturation is None else float(np.min(saturation))
+    )
+    warn_if_contradicted(estimate, source.camera.gain_e_per_adu)
+    return estimate
+
+
+class _Misfits:
+    """Tells whether the noise of plain fits is what the camera's gain makes of the counts.
+
+    The residuals are at hand and cost nothing; the movie is read again for its gain only where
+    they are in doubt.
+    """
+
+    def __init__(self, options: LocaliseOptions) -> None:
+        pixels = (2 * options.fit_radius_px + 1) ** 2
+        self._freedom = pixels - (5 if options.fit_sigma else 4)
+        self._taken: list[NDArray[np.floating]] = []
+        self._number = 0
+
+    def add(self, columns: Columns) -> None:
+        """Take the fits of a block; the first of a movie suffice."""
+        if self._number < _MOST_FITS_JUDGED:
+            plain = columns["chi2"][columns["fit_flags"] == 0]
+            self._taken.append(plain)
+            self._number += len(plain)
+
+    @property
+    def are_doubtful(self) -> bool:
+        """Whether their median is off by more than a fifth."""
+        if self._number < _FEWEST_FITS_JUDGED:
+            return False
+        ratio = float(np.median(np.concatenate(self._taken))) / self._freedom
+        return not 1.0 / _MISFIT_RATIO < ratio < _MISFIT_RATIO
+
+
 def localise_to_file(
     source: OpenedMovie,
     target: Path,
@@ -203,7 +257,13 @@ def localise_to_file(
     workers: int | None = None,
     progress: Progress = silent,
 ) -> Counts:
-    """Localise a movie into a table file, block by block."""
+    """Localise a movie into a table file, block by block.
+
+    Warns
+    -----
+    GainWarning
+        The residuals of the fits and the movie's own noise contradict the given gain.
+    """
     movie, settings = source.movie, source.settings
     frames = movie.shape[0]
     counts = Counts()
@@ -212,6 +272,7 @@ def localise_to_file(
     record.inputs([identify(path) for path in movie.paths], target.parent)
     record.count(frames=frames, **absent_frames(movie))
     progress("localise", 0, frames)
+    misfits = _Misfits(settings["localise"])
     with open_writer(target, extent(source, record.provenance)) as writer:
         for block in localise(
             movie,
@@ -221,6 +282,9 @@ def localise_to_file(
             workers=workers,
         ):
             writer.append(block.columns)
+            misfits.add(block.columns)
             counts += block.counts
             progress("localise", block.stop, frames)
+    if misfits.are_doubtful:
+        check_gain(source)
     return counts

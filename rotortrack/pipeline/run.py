@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.cameras.line_noise import check_line_noise
-from rotortrack.cameras.photon_transfer import GainEstimate, gain_from_movie, warn_if_contradicted
 from rotortrack.errors import ResourceError
 from rotortrack.motion.population import of_rotors
 from rotortrack.movies.movie import Movie
@@ -39,6 +38,7 @@ from rotortrack.pipeline.localise_run import (
     OpenedMovie,
     Progress,
     absent_frames,
+    check_gain,
     extent,
     opened,
     silent,
@@ -307,16 +307,6 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):
         return "stopped"
     return " ".join(str(error).split()) or type(error).__name__
-
-
-def check_gain(source: OpenedMovie) -> GainEstimate:
-    """Estimate the gain from the movie's own noise and warn where the camera's contradicts it."""
-    saturation = source.camera.saturation_adu
-    estimate = gain_from_movie(
-        source.movie, saturation_adu=None if saturation is None else float(np.min(saturation))
-    )
-    warn_if_contradicted(estimate, source.camera.gain_e_per_adu)
-    return estimate
 
 
 def record_found(record: Record, found: stages.Found) -> None:

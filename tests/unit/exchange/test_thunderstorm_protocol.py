@@ -17,7 +17,7 @@ from rotortrack.errors import ConfigurationError
 from rotortrack.exchange.thunderstorm_formula import in_photons, largest_uncertainty
 from rotortrack.exchange.thunderstorm_protocol import Protocol, is_protocol, read_protocol
 from rotortrack.localise.threshold import parse_threshold
-from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.pipeline.presets import PRESETS, SECTIONS
 from rotortrack.settings import Layer, Settings, resolve
 
 PATH = Path("layer-protocol.txt")
@@ -162,6 +162,24 @@ Post-processing:
 """
 
 
+def test_radial_symmetry_is_taken_over() -> None:
+    read = protocol(analysisEstimator={"name": "Radial symmetry", "fittingRadius": 4})
+    assert read.left_out == []
+    taken = settings(read)["localise"]
+    assert (taken.method, taken.fit_radius_px, taken.clip_at_border) == (
+        "radial-symmetry",
+        4,
+        False,
+    )
+
+
+def test_radial_symmetry_goes_with_the_preset_of_the_paper() -> None:
+    read = protocol(analysisEstimator={"name": "Radial symmetry", "fittingRadius": 4})
+    paper = Layer("preset paper", PRESETS["paper"])
+    taken = resolve(SECTIONS, [paper, Layer("protocol p", read.values)])["localise"]
+    assert (taken.method, taken.uncertainty) == ("radial-symmetry", "bound")
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_the_layout_of_release_1_3_is_read(end: str) -> None:
     content = RELEASE.replace("\n", end).encode()
@@ -193,7 +211,10 @@ def test_the_layout_of_release_1_3_is_read(end: str) -> None:
             {"analysisDetector": {**DETECTOR, "name": "Non-maximum suppression"}},
             "detector 'Non-maximum suppression' does not exist",
         ),
-        ({"analysisEstimator": {"name": "Radial symmetry"}}, "'Radial symmetry' does not exist"),
+        (
+            {"analysisEstimator": {"name": "Centroid of connected components"}},
+            "'Centroid of connected components' does not exist",
+        ),
         ({"analysisEstimator": {**ESTIMATOR, "name": "PSF: Gaussian"}}, "sampled at the centres"),
         ({"analysisEstimator": {**ESTIMATOR, "method": "Guess"}}, "method 'Guess' is not known"),
         ({"analysisEstimator": {**ESTIMATOR, "fullImageFitting": True}}, "to the whole image"),

@@ -110,6 +110,19 @@ def test_pixels_without_a_number_are_masked_and_flagged():
     assert np.isfinite(table[["x_nm", "y_nm", "photons"]]).all().all()
 
 
+@pytest.mark.parametrize("shift", [False, True])
+def test_dead_pixels_of_the_camera_are_no_missing_numbers_of_the_movie(shift):
+    dead = np.zeros((34, 40), bool)
+    dead[20, 31] = True
+    blocks = localise(
+        ArrayMovie(film(frames=2)),
+        Camera(100.0, 0.5, 1.5, dead_pixels=dead),
+        LocaliseOptions(shift_negative_frames=shift),
+        pixel_size_nm=PIXEL,
+    )
+    assert [block.counts.masked_pixels for block in blocks] == [0]
+
+
 def test_negative_counts_do_no_harm():
     table = run(ArrayMovie(film().astype(np.int16) - 150))
     assert np.isfinite(table["x_nm"]).all()
@@ -135,6 +148,25 @@ def test_maps_of_the_wrong_size_are_refused():
 def test_a_wrong_threshold_is_refused():
     with pytest.raises(ConfigurationError, match=r"Wave\.F9"):
         run(ArrayMovie(film()), threshold="std(Wave.F9)")
+
+
+@pytest.mark.parametrize(("order", "scale"), [(1, 2.0), (3, 0.5)])
+def test_a_filter_that_shows_no_spot_is_refused(order, scale):
+    with pytest.raises(ConfigurationError, match="single pixel"):
+        run(ArrayMovie(film()), wavelet_order=order, wavelet_scale=scale)
+
+
+@pytest.mark.parametrize("block_frames", [0, -1])
+def test_blocks_without_frames_are_refused(block_frames):
+    blocks = localise(
+        ArrayMovie(film()),
+        Camera(100.0, 0.45, 1.6),
+        LocaliseOptions(),
+        pixel_size_nm=100.0,
+        block_frames=block_frames,
+    )
+    with pytest.raises(ConfigurationError, match="block_frames"):
+        list(blocks)
 
 
 def test_per_pixel_maps_of_a_uniform_camera_change_nothing():

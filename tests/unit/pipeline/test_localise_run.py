@@ -7,12 +7,20 @@ import warnings
 import numpy as np
 import pytest
 
-from rotortrack.errors import ConfigurationError, MetadataWarning
+from rotortrack.cameras import photon_transfer
+from rotortrack.cameras.camera import Camera
+from rotortrack.errors import ConfigurationError, GainWarning, MetadataWarning
 from rotortrack.movies.metadata import Value
 from rotortrack.movies.movie import ArrayMovie
 from rotortrack.movies.select import select
-from rotortrack.pipeline.localise_run import OpenedMovie, extent, settings_for_movie
-from rotortrack.settings import Layer
+from rotortrack.pipeline.localise_run import (
+    OpenedMovie,
+    extent,
+    localise_to_file,
+    settings_for_movie,
+)
+from rotortrack.pipeline.presets import SECTIONS
+from rotortrack.settings import Layer, resolve
 
 FILE, CONFIG, FLAG = "file (OME)", "config run.toml", "flag"
 
@@ -98,3 +106,38 @@ def test_the_table_counts_numbers_for_time_and_recorded_frames_for_occupancy():
     assert info.frames == 10
     assert info.provenance["first_frame"] == 3
     assert info.provenance["recorded_frames"] == 3
+
+
+GAIN = 0.5
+
+
+def film_of_spots(frames=80):
+    """Give a film of bright spots, each at one place of a grid, on an uneven background."""
+    y, x = np.mgrid[0:72, 0:72]
+    light = 8.0 + 0.2 * x
+    for row in range(9, 72, 18):
+        for column in range(9, 72, 18):
+            light += 100.0 * np.exp(-0.5 * ((x - column) ** 2 + (y - row) ** 2) / 1.3**2)
+    camera = Camera(100.0, GAIN, 1.5)
+    rng = np.random.default_rng(3)
+    return ArrayMovie(camera.to_counts(np.broadcast_to(light, (frames, *light.shape)), rng))
+
+
+def localised(tmp_path, gain_e_per_adu):
+    movie = film_of_spots()
+    settings = resolve(SECTIONS, [Layer(FLAG, {"movie": {"pixel_size_nm": 100.0}})])
+    source = OpenedMovie(movie, settings, Camera(100.0, gain_e_per_adu, 1.5))
+    return localise_to_file(source, tmp_path / "locs.parquet", workers=1)
+
+
+@pytest.mark.parametrize("gain_e_per_adu", [1.0 / GAIN, 0.5 * GAIN])
+def test_a_gain_that_the_noise_contradicts_is_named(tmp_path, gain_e_per_adu):
+    with pytest.warns(GainWarning, match="check gain_e_per_adu"):
+        localised(tmp_path, gain_e_per_adu)
+
+
+def test_a_right_gain_costs_no_second_look_at_the_movie(tmp_path, monkeypatch):
+    looked = []
+    monkeypatch.setattr(photon_transfer, "gain_from_movie", lambda *_, **__: looked.append(1))
+    assert localised(tmp_path, GAIN).localisations > 1000
+    assert not looked
