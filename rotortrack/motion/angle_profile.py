@@ -51,7 +51,7 @@ class AngleProfile:
     potential: TiltedPotential
 
     def table(self, rotor: int) -> pd.DataFrame:
-        """Rows of `tables.PROFILES`."""
+        """Rows of `motion.tables.PROFILES`."""
         return pd.DataFrame(
             {
                 "rotor": np.full(self.angle_rad.size, rotor),

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from rotortrack.motion.covariance import StepProducts, covariance_estimate, step_products
 from rotortrack.motion.msd import msd
 from rotortrack.motion.readings import Timing
-from rotortrack.tables import PARTICLE_MSD, conform
+from rotortrack.motion.tables import PARTICLE_MSD
+from rotortrack.tables import conform
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -26,9 +26,10 @@ from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.population import paper_class
 from rotortrack.motion.switch_table import switch_table
+from rotortrack.motion.tables import POSTERIOR, PROFILES
 from rotortrack.motion.tilted_potential import NO_POTENTIAL, TiltedPotential
 from rotortrack.motion.tracks import Track, used_tracks
-from rotortrack.tables import POSTERIOR, PROFILES, ROTORS, conform, empty
+from rotortrack.tables import ROTORS, conform, empty
 from rotortrack.units import DEGREES_PER_RADIAN, TURN_RAD
 
 Floats = NDArray[np.float64]
@@ -47,7 +48,8 @@ class Measured:
     Attributes
     ----------
     rotors, switches, posterior, profiles
-        Columns of `tables.ROTORS`, `tables.SWITCHES`, `tables.POSTERIOR` and `tables.PROFILES`.
+        Columns of ROTORS (`rotortrack.tables`), SWITCHES, POSTERIOR and PROFILES
+        (`rotortrack.motion.tables`).
     """
 
     rotors: pd.DataFrame

@@ -19,7 +19,8 @@ from rotortrack.motion.link import link
 from rotortrack.motion.link_options import LinkOptions
 from rotortrack.motion.readings import Timing
 from rotortrack.motion.search_range import SearchRange, choose_search_range
-from rotortrack.tables import PARTICLE_TRACKS, PARTICLES, conform
+from rotortrack.motion.tables import PARTICLE_TRACKS, PARTICLES
+from rotortrack.tables import conform
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import pandas as pd
 
 from rotortrack.motion.changepoints import Switches
-from rotortrack.tables import SWITCHES, conform
+from rotortrack.motion.tables import SWITCHES
+from rotortrack.tables import conform
 from rotortrack.units import DEGREES_PER_RADIAN
 
 
@@ -24,7 +25,7 @@ def switch_table(found: Mapping[int, Switches], *, frame_interval_s: float) -> p
     Returns
     -------
     DataFrame
-        Columns of `tables.SWITCHES`, by rotor and time.
+        Columns of `motion.tables.SWITCHES`, by rotor and time.
     """
     rows = [
         {"rotor": number, "switch": k, **row}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rotortrack.motion.diffusion import Diffusion
 from rotortrack.motion.line_fit import LineFit, fit_line
+from rotortrack.motion.tables import VOLTAGE_SPEEDS
 from rotortrack.motion.timed_steps import (
     SegmentSpeeds,
     fit_speeds,
@@ -22,7 +23,7 @@ from rotortrack.motion.timed_steps import (
 from rotortrack.motion.tracks import used_tracks
 from rotortrack.motion.trigger import FrameClock
 from rotortrack.motion.voltage import VoltageSteps
-from rotortrack.tables import VOLTAGE_SPEEDS, conform
+from rotortrack.tables import conform
 from rotortrack.units import DEGREES_PER_RADIAN
 
 Floats = NDArray[np.float64]
@@ -149,7 +150,7 @@ def voltage_speeds(
     Returns
     -------
     DataFrame
-        Columns of `tables.VOLTAGE_SPEEDS`.
+        Columns of `motion.tables.VOLTAGE_SPEEDS`.
     """
     rows = []
     for number, track in used_tracks(tracks, rotors).items():

@@ -22,27 +22,14 @@ from typing import TYPE_CHECKING, Any
 from rotortrack import files, locks
 from rotortrack.errors import InputError, ResourceError
 from rotortrack.exchange import csv, parquet
-from rotortrack.exchange.tables import write_localisations
 from rotortrack.exchange.writer import TableInfo
+from rotortrack.pipeline.folder_tables import SCHEMAS, files_of, write
 from rotortrack.pipeline.guard import refuse_other_results
 from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
 from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
 from rotortrack.pipeline.provenance import Record, to_toml
-from rotortrack.tables import (
-    DECISIONS,
-    DRIFT,
-    LOCALISATIONS,
-    POSTERIOR,
-    PROFILES,
-    ROTORS,
-    SWITCHES,
-    TRACKS,
-    VOLTAGE_SPEEDS,
-    VOLTAGES,
-    Schema,
-    empty,
-)
+from rotortrack.tables import DRIFT, empty
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +98,7 @@ class RunFolder:
                     sweep_work(path / "parts")
                     folder._carry_out_commit()
                     if inputs:
-                        results = [result for name in _SCHEMAS for result in folder._files(name)]
+                        results = [result for name in SCHEMAS for result in folder._files(name)]
                         refuse_other_results(
                             folder.manifest_path, results, inputs, overwrite=overwrite
                         )
@@ -192,7 +179,7 @@ class RunFolder:
         InputError
             The run has no such table yet.
         """
-        schema = _SCHEMAS[name]
+        schema = SCHEMAS[name]
         if schema is DRIFT:
             path = self.path / "drift.csv"
             return csv.read_csv(path, schema) if path.is_file() else empty(schema)
@@ -279,8 +266,8 @@ class RunFolder:
         make_folder(staged)
         try:
             for name, table in tables.items():
-                for path in _files(staged, _SCHEMAS[name]):
-                    _write(path, _SCHEMAS[name], table, info)
+                for path in files_of(staged, SCHEMAS[name]):
+                    write(path, SCHEMAS[name], table, info)
             files.write_text(staged / CONFIG, to_toml(record.option_values))
             files.write_text(staged / MANIFEST, write_out(content))
         except BaseException:
@@ -309,7 +296,7 @@ class RunFolder:
         begun = {"command": command, "stage": "tables", "reason": "begun"}
         unfinished = {**manifest, "state": UNFINISHED, "tables": [], "unfinished": begun}
         files.write_text(self.manifest_path, write_out(unfinished))
-        for name in _SCHEMAS.keys() - set(tables):
+        for name in SCHEMAS.keys() - set(tables):
             for path in self._files(name):
                 path.unlink(missing_ok=True)
         for figure in self.figures_path.glob("*.*"):
@@ -355,8 +342,8 @@ class RunFolder:
                 (self.path / name).unlink(missing_ok=True)
 
     def _files(self, name: str) -> list[Path]:
-        schema = _SCHEMAS.get(name)
-        return _files(self.path, schema) if schema else []
+        schema = SCHEMAS.get(name)
+        return files_of(self.path, schema) if schema else []
 
     def _complete_manifest(self) -> dict[str, Any] | None:
         """Read the manifest of finished results; None where there are none."""
@@ -376,28 +363,3 @@ def _as_resource_error(path: Path) -> Iterator[None]:
             f"{path} cannot be written ({error.strerror}): free space, or choose another folder "
             "with -o"
         ) from error
-
-
-def _files(folder: Path, schema: Schema) -> list[Path]:
-    """Name a table's files: Parquet, drift as CSV, and short ones as both for spreadsheets."""
-    endings = {DRIFT.name: ("csv",), **dict.fromkeys(_SHORT, ("parquet", "csv"))}
-    return [folder / f"{schema.name}.{ending}" for ending in endings.get(schema.name, ("parquet",))]
-
-
-def _write(path: Path, schema: Schema, table: pd.DataFrame, info: TableInfo) -> None:
-    if path.suffix == ".csv":
-        csv.write_csv(path, table)
-    elif schema is LOCALISATIONS:
-        write_localisations(path, table, info)
-    else:
-        parquet.write_table(path, table, schema, dict(info.provenance))
-
-
-_SCHEMAS: dict[str, Schema] = {
-    schema.name: schema
-    for schema in (
-        *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
-        *(POSTERIOR, PROFILES, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
-    )
-}
-_SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name)

@@ -12,12 +12,12 @@ from rotortrack.errors import ExposureWarning, UsageError
 from rotortrack.exchange import csv, parquet
 from rotortrack.files import atomic_path
 from rotortrack.motion.particles import Particles, track_particles
+from rotortrack.motion.tables import PARTICLE_TRACKS
 from rotortrack.pipeline.identity import identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.provenance import Record, following
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
 from rotortrack.settings import Layer
-from rotortrack.tables import PARTICLE_TRACKS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rotortrack.errors import InputError, TableError, TraceWarning
 from rotortrack.exchange.csv import read_csv
+from rotortrack.motion.tables import TRACE, VOLTAGES
 from rotortrack.motion.trigger import FrameClock, frame_clock, rising_edges
 from rotortrack.motion.voltage import FrameVoltages, frame_voltages, voltage_steps
 from rotortrack.motion.voltage_speeds import (
@@ -21,7 +22,7 @@ from rotortrack.motion.voltage_speeds import (
     voltage_speeds,
 )
 from rotortrack.settings import Settings
-from rotortrack.tables import TRACE, VOLTAGES, conform
+from rotortrack.tables import conform
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rotortrack.exchange.tables import TableInfo, write_localisations
-from rotortrack.tables import PARTICLE_MSD, PARTICLES
+from rotortrack.motion.tables import PARTICLE_MSD, PARTICLES
 
 CLOCK = ("--frame-interval-s", 0.01, "--exposure-s", 0.01)
 

@@ -8,6 +8,7 @@ from rotortrack import tables
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
 from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle
 from rotortrack.motion.options import MotionOptions
+from rotortrack.motion.tables import POSTERIOR
 from rotortrack.motion.tracks import used_tracks
 
 FRAME_S = 0.002
@@ -267,7 +268,7 @@ def test_the_posterior_has_a_row_for_every_frame_also_those_missing(turning):
         frame_interval_s=FRAME_S,
         exposure_s=FRAME_S,
     ).posterior
-    assert list(found) == tables.POSTERIOR.names
+    assert list(found) == POSTERIOR.names
     assert found["frame"].tolist() == list(range(frame[0], frame[-1] + 1))
     assert found.loc[found["seen"], "frame"].tolist() == frame.tolist()
     strayed = found.loc[found["seen"], "theta_rad"].to_numpy() - theta

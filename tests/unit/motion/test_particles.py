@@ -11,7 +11,8 @@ from rotortrack.motion.ensemble import Track, ensemble, track_msd
 from rotortrack.motion.link_options import LinkOptions
 from rotortrack.motion.particles import track_particles
 from rotortrack.motion.readings import Timing
-from rotortrack.tables import LOCALISATIONS, PARTICLE_TRACKS, PARTICLES, empty
+from rotortrack.motion.tables import PARTICLE_TRACKS, PARTICLES
+from rotortrack.tables import LOCALISATIONS, empty
 
 FAR = LinkOptions(memory_frames=8)
 CLOCK = {"frame_interval_s": 0.01, "exposure_s": 0.01}

@@ -4,6 +4,7 @@ import pytest
 
 from rotortrack.motion.changepoints import find_switches
 from rotortrack.motion.switch_table import switch_table
+from rotortrack.motion.tables import SWITCHES, VOLTAGE_SPEEDS
 from rotortrack.motion.tracks import used_tracks
 from rotortrack.motion.trigger import FrameClock
 from rotortrack.motion.voltage import VoltageSteps
@@ -13,7 +14,6 @@ from rotortrack.motion.voltage_speeds import (
     step_edges_s,
     voltage_speeds,
 )
-from rotortrack.tables import SWITCHES, VOLTAGE_SPEEDS
 
 FRAME_S = 0.002
 TIMES = {"frame_interval_s": FRAME_S, "exposure_s": FRAME_S}

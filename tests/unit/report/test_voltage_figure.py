@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rotortrack.motion.tables import SWITCHES, VOLTAGE_SPEEDS, VOLTAGES
 from rotortrack.report.draw import draw_run
 from rotortrack.report.figures import cumulative_angle, voltage
-from rotortrack.tables import SWITCHES, VOLTAGE_SPEEDS, VOLTAGES, empty
+from rotortrack.tables import empty
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mock_run import FRAME_INTERVAL_S, clipped, make_run, overlaps
