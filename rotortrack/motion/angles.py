@@ -18,7 +18,7 @@ from rotortrack.tables import TRACKS, conform
 from rotortrack.units import TURN_RAD
 
 Floats = NDArray[np.float64]
-GapMode = Literal["drop", "bridge"]
+GapMode = Literal["drop", "bridge", "model"]
 
 
 MOST_FRAMES = 20_000_000
@@ -49,12 +49,18 @@ def step(theta_rad: Floats, next_theta_rad: Floats) -> Floats:
     return np.where(forward <= np.pi, forward, forward - TURN_RAD)
 
 
-def consecutive_steps(theta_rad: Floats, frame: NDArray[np.int64], gap_mode: GapMode) -> Floats:
+def consecutive_steps(
+    theta_rad: Floats,
+    frame: NDArray[np.int64],
+    gap_mode: GapMode,
+    turn_per_frame_rad: float | None = None,
+) -> Floats:
     """Give the steps between all consecutive rows of one rotor, across gaps too.
 
     Adjacent frames follow the 180-degree rule. Across a gap of n frames "bridge" follows it too,
     as if the frames were adjacent, and misses turns; "drop" takes the step that lies nearest to n
-    times the mean step between adjacent frames.
+    times the mean step between adjacent frames; "model" the one nearest to n times the turn that
+    is given, of which adjacent frames need tell nothing.
 
     Parameters
     ----------
@@ -62,6 +68,8 @@ def consecutive_steps(theta_rad: Floats, frame: NDArray[np.int64], gap_mode: Gap
         Angles (rad) and frames, ascending, shape (n,).
     gap_mode
         How gaps are crossed.
+    turn_per_frame_rad
+        Expected turn in one frame for "model", omega dt; without it, "model" is as "drop".
 
     Returns
     -------
@@ -71,9 +79,14 @@ def consecutive_steps(theta_rad: Floats, frame: NDArray[np.int64], gap_mode: Gap
     steps = step(theta_rad[:-1], theta_rad[1:])
     apart = np.diff(frame)
     adjacent = apart == 1
-    if gap_mode == "bridge" or not adjacent.any():
+    known = turn_per_frame_rad is not None and np.isfinite(turn_per_frame_rad)
+    if gap_mode == "model" and known:
+        turn = turn_per_frame_rad
+    elif gap_mode == "bridge" or not adjacent.any():
         return steps
-    expected = np.angle(np.exp(1j * steps[adjacent]).mean()) * apart
+    else:
+        turn = float(np.angle(np.exp(1j * steps[adjacent]).mean()))
+    expected = turn * apart
     nearest = expected + np.angle(np.exp(1j * (steps - expected)))
     return np.where(adjacent, steps, nearest)
 
