@@ -208,7 +208,8 @@ def _tests(
     # About a short arc's mean position there is no ring, yet it moves.
     stretched = too_short or elongation >= limits.arc_elongation
     blob = Reason.PARTIAL_ARC if stretched else Reason.IMMOBILE
-    evidence = ring_evidence(x, y, rotor["x_nm"], rotor["y_nm"])
+    told = math.hypot(rotor.get("localisation_sd_nm", math.nan), drift_sd_nm)
+    evidence = ring_evidence(x, y, rotor["x_nm"], rotor["y_nm"], told)
     yield _at_least("ring_evidence", evidence, limits.min_ring_evidence, blob)
     arc = 0.0 if too_short else rotor.get("arc_deg", math.nan)
     yield _at_least("arc_deg", arc, limits.min_arc_deg, Reason.PARTIAL_ARC)

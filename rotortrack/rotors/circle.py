@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +17,21 @@ from rotortrack.rotors.algebraic import (
     algebraic_circle,
     geometric_circle,
 )
+from rotortrack.rotors.ellipse import axis_ratio
+from rotortrack.rotors.ring_likelihood import fit_ring
+
+RING_ARC_DEG = 270.0
+"""Coverage above which centre and radius hardly depend on each other: distances tell both."""
 
 MIN_SAGITTA_SD = 2.5
 """An arc less deep than twice its scatter s gives a radius of order s however many its points; at
 2.5 s the radius is right to about 10 %."""
 
 _ARC_BINS = 72
+_EXACT = 1e-6
+_LEAST_SIGNAL = 0.35
+_LEAST_SIGNAL_OF_RING = 0.17
+_ROUND, _LONG = 1.2, 1.4
 _MIN_FOR_OUTLIERS = 10
 
 
@@ -64,7 +74,9 @@ class CircleFit:
 
     Unless `end` is FITTED the radius and all standard deviations are nan and the centre is the
     mean position. `arc_deg` is 360 minus the largest gap between occupied directions.
-    `n_used` counts the positions that were neither missing nor outliers.
+    `n_used` counts the positions that were neither missing nor outliers. `covariance_nm2` is that
+    of centre and radius, shape (3, 3). `axis_ratio` is short over long axis, known from
+    RING_ARC_DEG on.
     """
 
     x_nm: float
@@ -77,10 +89,19 @@ class CircleFit:
     arc_deg: float
     n_used: int
     end: CircleEnd
+    axis_ratio: float = math.nan
+    axis_ratio_sd: float = math.nan
+    covariance_nm2: Values = field(
+        default_factory=lambda: np.full((3, 3), np.nan), compare=False, repr=False
+    )
 
 
 def fit_circle(
-    x_nm: ArrayLike, y_nm: ArrayLike, method: Method = "hyper", *, outlier_sd: float = 0.0
+    x_nm: ArrayLike,
+    y_nm: ArrayLike,
+    method: Method | Literal["auto"] = "auto",
+    *,
+    outlier_sd: float = 0.0,
 ) -> CircleFit:
     """Fit a circle to positions and say whether they determine one.
 
@@ -92,17 +113,19 @@ def fit_circle(
     x_nm, y_nm
         Positions, shape (n,), nm; any that is not finite is ignored; float32 is promoted.
     method
-        "hyper" is unbiased (< 0.3 % at s / R = 0.2 on a full circle, where "kasa" and "taubin" read
-        4 %, "pratt" 8 % and "geometric" 2 % too much).
+        "auto" is "hyper", refined by the likelihood of the distances (`ring_likelihood`) where the
+        positions cover more than RING_ARC_DEG. On a full circle with s / R = 0.2 and 0.3 it is
+        unbiased to 0.1 %, "hyper" reads 0.2 and 1.3 % too much, "geometric" 2 and 5 %, "kasa" and
+        "taubin" 4 and 9 %, "pratt" 7 and 16 %.
     outlier_sd
         Leave out positions farther from the circle than this many robust standard deviations
         (median absolute deviation), repeatedly; 0 keeps all, as do fewer than ten positions.
 
     Notes
     -----
-    0.5 ms for 2000 positions, 1.5 ms with outlier search (geometric: 1.5 and 8 ms). Below a noise
-    of about half the radius (R / s < 1.75 from the moments of the distances) the end is NOT_A_RING,
-    because a plain fit of a spot gives R = 1.25 s.
+    0.5 ms for 2000 positions, 1.5 ms with outlier search (geometric: 1.5 and 8 ms), 5 ms with the
+    likelihood. Where the moments of the distances give R / s < 1.75 (1.2 with the likelihood) the
+    end is NOT_A_RING, because a plain fit of a spot gives R = 1.25 s.
     """
     x, y = (np.asarray(v, dtype=np.float64).ravel() for v in (x_nm, y_nm))
     finite = np.isfinite(x) & np.isfinite(y)
@@ -123,11 +146,12 @@ def fit_circle(
     if thickness <= math.sqrt(x.size) * max(1e-9, rounding / scale):
         return _failed(x, y, CircleEnd.COLLINEAR)
     used = np.ones(x.size, dtype=bool)
-    circle = _fit(u, v, np.ones_like(u), method)
+    plain: Method = "hyper" if method == "auto" else method
+    circle = _fit(u, v, np.ones_like(u), plain)
     if outlier_sd > 0.0 and u.size >= _MIN_FOR_OUTLIERS:
-        circle, used = _without_outliers(u, v, method, circle, outlier_sd)
+        circle, used = _without_outliers(u, v, plain, circle, outlier_sd)
         u, v, x, y = u[used], v[used], x[used], y[used]
-    return _judge(x, y, u, v, circle, (x0, y0, scale))
+    return _judge(x, y, u, v, circle, (x0, y0, scale), by_distances=method == "auto")
 
 
 def occupied_arc_deg(theta_rad: Values) -> float:
@@ -191,7 +215,14 @@ def _without_outliers(
 
 
 def _judge(
-    x: Values, y: Values, u: Values, v: Values, circle: Circle, frame: tuple[float, float, float]
+    x: Values,
+    y: Values,
+    u: Values,
+    v: Values,
+    circle: Circle,
+    frame: tuple[float, float, float],
+    *,
+    by_distances: bool,
 ) -> CircleFit:
     """Turn a circle in scaled coordinates into a result, or into the reason why there is none."""
     a, b, radius = circle
@@ -205,25 +236,45 @@ def _judge(
     sagitta = radius * (1.0 - math.cos(_noiseless_arc(arc_deg, residual_sd / radius) / 2.0))
     if sagitta < MIN_SAGITTA_SD * residual_sd:
         return _failed(x, y, CircleEnd.ARC_TOO_SHORT, arc_deg)
-    if residual_sd > 0.25 * radius and not _is_ring(distance):
-        return _failed(x, y, CircleEnd.NOT_A_RING, arc_deg)
-    x0, y0, scale = frame
-    sd = np.full(3, np.nan)
-    if freedom > 0:
+    ring = None
+    if by_distances and arc_deg > RING_ARC_DEG and residual_sd > _EXACT * radius:
+        ring = fit_ring(u, v, circle)
+    if residual_sd > 0.25 * radius:
+        # A short arc under much noise is an elongated spot with the moments of a weak ring.
+        elongation = _elongation(u, v)
+        weak = ring is not None and elongation < _ROUND
+        least = _LEAST_SIGNAL_OF_RING if weak else _LEAST_SIGNAL
+        if elongation > _LONG or not _is_ring(distance, least):
+            return _failed(x, y, CircleEnd.NOT_A_RING, arc_deg)
+    covariance = np.full((3, 3), np.nan)
+    if ring is not None:
+        a, b, radius, covariance = ring.x, ring.y, ring.radius, ring.covariance
+    elif freedom > 0:
         safe = np.where(distance > 0.0, distance, 1.0)
         slopes = np.column_stack((dx / safe, dy / safe, np.ones_like(dx)))
-        sd = residual_sd * np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes)))
+        covariance = residual_sd**2 * np.linalg.pinv(slopes.T @ slopes)
+    if freedom > 0:
+        residuals = np.hypot(u - a, v - b) - radius
+        residual_sd = math.sqrt(float(residuals @ residuals) / freedom)
+    ratio, ratio_sd = math.nan, math.nan
+    if arc_deg > RING_ARC_DEG:
+        ratio, ratio_sd = axis_ratio(u, v, (a, b, radius))
+    x0, y0, scale = frame
+    sd = scale * np.sqrt(np.diag(covariance))
     return CircleFit(
         x_nm=x0 + scale * a,
         y_nm=y0 + scale * b,
         radius_nm=scale * radius,
-        radius_sd_nm=scale * float(sd[2]),
-        x_sd_nm=scale * float(sd[0]),
-        y_sd_nm=scale * float(sd[1]),
+        radius_sd_nm=float(sd[2]),
+        x_sd_nm=float(sd[0]),
+        y_sd_nm=float(sd[1]),
         residual_sd_nm=scale * residual_sd if freedom > 0 else math.nan,
         arc_deg=arc_deg,
         n_used=u.size,
         end=CircleEnd.FITTED,
+        axis_ratio=ratio,
+        axis_ratio_sd=ratio_sd,
+        covariance_nm2=scale**2 * covariance,
     )
 
 
@@ -239,16 +290,21 @@ def _noiseless_arc(arc_deg: float, relative_noise: float) -> float:
     return max(0.0, math.radians(arc_deg) - added)
 
 
-def _is_ring(distance: Values) -> bool:
+def _elongation(u: Values, v: Values) -> float:
+    minor, major = np.linalg.eigvalsh(np.cov(u, v))
+    return math.sqrt(major / minor) if minor > 0.0 else math.inf
+
+
+def _is_ring(distance: Values, least: float) -> bool:
     """Whether distances from the centre are those of a ring rather than of a Gaussian spot.
 
     For a ring of radius R with noise s per axis, 2 <r^2>^2 - <r^4> = R^4; for a spot it is 0, for
-    an elongated spot negative. Demanded are 0.35 <r^2>^2 (R / s = 1.75) and, in small samples, more
-    than a spot reaches by chance.
+    an elongated spot negative. Demanded are a `least` part of <r^2>^2 (0.35 is R / s = 1.75, 0.17
+    is 1.2) and, in small samples, more than a spot reaches by chance.
     """
     square = distance * distance
     signal = 2.0 - float(np.mean(square * square)) / float(np.mean(square)) ** 2
-    return signal > max(0.35, 4.0 / math.sqrt(distance.size))
+    return signal > max(least, 4.0 / math.sqrt(distance.size))
 
 
 def _failed(x: Values, y: Values, end: CircleEnd, arc_deg: float = math.nan) -> CircleFit:

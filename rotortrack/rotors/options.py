@@ -24,7 +24,9 @@ class ClusterOptions(Options):
 class CircleOptions(Options):
     """How a circle is fitted to a rotor's localisations."""
 
-    method: Literal["hyper", "kasa", "pratt", "taubin", "geometric"] = option("hyper", "circle fit")
+    method: Literal["auto", "hyper", "kasa", "pratt", "taubin", "geometric"] = option(
+        "auto", "circle fit (auto: hyper, and the likelihood of distances beyond 270 degrees)"
+    )
     outlier_sd: float = option(
         4.0,
         "spots farther from the circle than this many robust standard deviations are left out of "
