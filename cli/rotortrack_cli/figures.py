@@ -27,6 +27,7 @@ def draw(result: Result, stages: Stages) -> None:
         switches=result.tables.get("switches"),
         posterior=result.tables.get("posterior"),
         profiles=result.tables.get("profiles"),
+        msds=result.tables.get("msd"),
         voltages=result.tables.get("voltages"),
         voltage_speeds=result.tables.get("voltage_speeds"),
         progress=lambda done, total: stages("figures", done, total),

@@ -91,6 +91,22 @@ def consecutive_steps(
     return np.where(adjacent, steps, nearest)
 
 
+def unbroken_angle(
+    frame: NDArray[np.int64],
+    theta_rad: Floats,
+    gap_mode: GapMode = "drop",
+    turn_per_frame_rad: float | None = None,
+) -> Floats:
+    """Cumulative angle in every frame from the first to the last, nan where there is none.
+
+    Gaps are crossed as in `consecutive_steps`.
+    """
+    cumulative = np.full(int(frame[-1] - frame[0]) + 1, np.nan)
+    turned = np.cumsum(consecutive_steps(theta_rad, frame, gap_mode, turn_per_frame_rad))
+    cumulative[frame - frame[0]] = np.concatenate(([0.0], turned))
+    return cumulative
+
+
 def fitted_radius(rotors: pd.DataFrame) -> pd.Series[float]:
     """Radius of the circle through the positions, before any correction for blur, nm."""
     return rotors["radius_fit_nm" if "radius_fit_nm" in rotors else "radius_nm"]
@@ -128,7 +144,8 @@ def build_tracks(
     frame_interval_s
         Time between frame starts, s.
     gap_mode
-        "drop": `step_rad` is the step from the adjacent frame and nan after a gap.
+        "drop", "model": `step_rad` is the step from the adjacent frame and nan after a gap; the
+        speed that "model" goes by is not known yet, so that it crosses gaps here as "drop" does.
         "bridge": `step_rad` is the step from the last frame before, however long ago.
 
     Returns
@@ -177,7 +194,7 @@ def build_tracks(
     for part in np.split(np.arange(rotor.size), np.flatnonzero(~same_rotor) + 1):
         bridged[part[1:]] = consecutive_steps(theta[part], frame[part], gap_mode)
     steps = bridged.copy()
-    if gap_mode == "drop":
+    if gap_mode != "bridge":
         steps[1:][frames_apart != 1] = np.nan
     cumulative = pd.Series(np.nan_to_num(bridged)).groupby(rotor).cumsum().to_numpy("float64")
     table = pd.DataFrame(

@@ -15,7 +15,7 @@ from scipy import stats
 from rotortrack import parallel
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
 from rotortrack.motion.angle_profile import AngleProfile, angle_profile
-from rotortrack.motion.angles import GapMode, consecutive_steps, fitted_radius
+from rotortrack.motion.angles import fitted_radius, unbroken_angle
 from rotortrack.motion.behaviour import NOT_CLASSIFIED, Behaviour, classify
 from rotortrack.motion.blur import radius_factor
 from rotortrack.motion.changepoints import Switches, find_switches
@@ -23,6 +23,8 @@ from rotortrack.motion.energetics import UNKNOWN_ENERGETICS, Energetics, energet
 from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_motion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
+from rotortrack.motion.msd_fit import NOT_FITTED, WeightedFit, fit_msd_weighted
+from rotortrack.motion.msd_table import RotorMSD, common_lags, msd_table, rotor_msd
 from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.population import paper_class
 from rotortrack.motion.switch_table import switch_table
@@ -47,8 +49,8 @@ class Measured:
 
     Attributes
     ----------
-    rotors, switches, posterior, profiles
-        Columns of ROTORS (`rotortrack.tables`), SWITCHES, POSTERIOR and PROFILES
+    rotors, switches, posterior, profiles, msd
+        Columns of ROTORS (`rotortrack.tables`), SWITCHES, POSTERIOR, PROFILES and MSDS
         (`rotortrack.motion.tables`).
     """
 
@@ -56,6 +58,7 @@ class Measured:
     switches: pd.DataFrame
     posterior: pd.DataFrame
     profiles: pd.DataFrame
+    msd: pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ class Motion:
     estimate: MotionEstimate
     steps: StepSizes
     msd_fit: MSDFit
+    weighted_fit: WeightedFit
+    msd: RotorMSD | None
     switches: Switches | None
     behaviour: Behaviour
     energetics: Energetics
@@ -113,8 +118,11 @@ class Motion:
             "msd_lag_min_s": self.msd_fit.lag_min_s,
             "msd_lag_max_s": self.msd_fit.lag_max_s,
             "msd_at_bound": self.msd_fit.at_bound,
+            **self.weighted_fit.row(),
             "n_steps": self.steps.n_steps,
             "step_sd_rad": self.steps.sd_rad,
+            "wrapped_step_rad": self.steps.wrapped_mean_rad,
+            "wrapped_step_sd_rad": self.steps.wrapped_sd_rad,
         }
 
 
@@ -122,6 +130,8 @@ NOT_MEASURED = Motion(
     estimate=NOT_ESTIMATED,
     steps=StepSizes(_NAN, _NAN, 0),
     msd_fit=MSDFit(_NAN, _NAN, _NAN, _NAN, _NAN, at_bound=False),
+    weighted_fit=NOT_FITTED,
+    msd=None,
     switches=None,
     behaviour=NOT_CLASSIFIED,
     energetics=UNKNOWN_ENERGETICS,
@@ -191,9 +201,14 @@ def measure_motion(
             raise TableError(f"the tracks lack the column {name}: build them from localisations")
     seen = used_tracks(tracks, rotors)
     shutter_s = exposure_s
+    lags = common_lags(seen.values())
     motions = parallel.map_ordered(
         lambda track: measure_rotor(
-            track, options, frame_interval_s=frame_interval_s, exposure_s=shutter_s
+            track,
+            options,
+            frame_interval_s=frame_interval_s,
+            exposure_s=shutter_s,
+            table_lags=lags,
         ),
         seen.values(),
         workers=workers,
@@ -227,6 +242,10 @@ def measure_motion(
         ),
         posterior=_posterior_table(seen, found),
         profiles=_profiles_table(found),
+        msd=msd_table(
+            {number: one.msd for number, one in found.items() if one.msd is not None},
+            frame_interval_s=frame_interval_s,
+        ),
     )
 
 
@@ -236,6 +255,7 @@ def measure_rotor(
     *,
     frame_interval_s: float,
     exposure_s: float,
+    table_lags: Integers | None = None,
 ) -> Motion:
     """Measure the motion of one rotor.
 
@@ -245,6 +265,8 @@ def measure_rotor(
         What was seen of it.
     options, frame_interval_s, exposure_s
         As for `measure_motion`.
+    table_lags
+        Lags of the mean-square displacements to tell, frames; none when not given.
     """
     frame, theta_rad = track.frame, track.theta_rad
     if frame.size < 2:
@@ -263,10 +285,18 @@ def measure_rotor(
         exposure_s=exposure_s,
         method=method,
     )
-    steps = step_sizes(increments(frame, theta_rad, options.gap_mode))
+    turn_rad = estimate.fit.omega_rad_s * frame_interval_s
+    steps = step_sizes(increments(frame, theta_rad, options.gap_mode, turn_rad))
     span = int(frame[-1] - frame[0])
     lags = options.msd_lags or max(span // 4, 2)
-    curve = msd(unbroken_angle(frame, theta_rad, options.gap_mode), lags)
+    cumulative = unbroken_angle(frame, theta_rad, options.gap_mode, turn_rad)
+    curve = msd(cumulative, max(lags, span // 2))
+    times = {"frame_interval_s": frame_interval_s, "exposure_s": exposure_s}
+    weighted, rows = NOT_FITTED, None
+    if options.msd_covariance:
+        weighted = fit_msd_weighted(curve, np.isfinite(cumulative), lags=lags, **times)
+    if table_lags is not None:
+        rows = rotor_msd(track, curve, estimate, table_lags, **times)
     # What passes for a switch where steps outgrow the 180-degree rule may be a turn that was lost.
     switches = None
     if not steps.folded:
@@ -292,6 +322,8 @@ def measure_rotor(
         estimate=estimate,
         steps=steps,
         msd_fit=fit_msd(curve, frame_interval_s, lags=lags, noise=options.msd_noise),
+        weighted_fit=weighted,
+        msd=rows,
         switches=switches,
         behaviour=behaviour,
         energetics=(
@@ -299,17 +331,6 @@ def measure_rotor(
         ),
         profile=angle_profile(estimate, frame, theta_rad, frame_interval_s=frame_interval_s),
     )
-
-
-def unbroken_angle(frame: Integers, theta_rad: Floats, gap_mode: GapMode = "drop") -> Floats:
-    """Cumulative angle in every frame from the first to the last, nan where there is none.
-
-    Gaps are crossed as in `angles.consecutive_steps`.
-    """
-    cumulative = np.full(int(frame[-1] - frame[0]) + 1, np.nan)
-    turned = np.cumsum(consecutive_steps(theta_rad, frame, gap_mode))
-    cumulative[frame - frame[0]] = np.concatenate(([0.0], turned))
-    return cumulative
 
 
 def _warn_of_wide_steps(found: dict[int, Motion]) -> None:

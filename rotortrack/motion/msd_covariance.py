@@ -77,6 +77,7 @@ class Overlaps:
         self._whole = bool(seen.all())
         self._length = fft.next_fast_len(2 * seen.size, real=True)
         self._spectra: dict[int, NDArray[np.complex128]] = {}
+        self._alike: dict[int, Floats] = {}
 
     def pairs(self, lag: int) -> int:
         """Pairs of seen frames at a lag."""
@@ -92,8 +93,17 @@ class Overlaps:
             n = self._seen.size
             stop = np.minimum(n - first, n - second - shift)
             return shift, np.maximum(stop - np.maximum(0, -shift), 0).astype(np.float64)
+        if first == second:
+            return shift, self._of_one_lag(first)[np.abs(shift)]
         both = np.conj(self._spectrum(first)) * self._spectrum(second)
         return shift, np.rint(fft.irfft(both, self._length)[shift])
+
+    def _of_one_lag(self, lag: int) -> Floats:
+        if lag not in self._alike:
+            spectrum = self._spectrum(lag)
+            power = spectrum.real**2 + spectrum.imag**2
+            self._alike[lag] = np.rint(fft.irfft(power, self._length)[: lag + 1])
+        return self._alike[lag]
 
     def _spectrum(self, lag: int) -> NDArray[np.complex128]:
         if lag not in self._spectra:
@@ -130,13 +140,12 @@ def covariance(mover: Mover, lags: Integers, seen: NDArray[np.bool_]) -> tuple[F
     return still, drifting
 
 
-def angle_sd(mover: Mover, lags: Integers, seen: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def angle_sd(mover: Mover, lags: Integers, overlaps: Overlaps) -> tuple[Floats, Floats]:
     """Give the standard deviation of an angle's MSD and its number of independent measurements.
 
     That number is how many independent squares of displacements would have the same mean error.
     Both nan where no pair has the lag.
     """
-    overlaps = Overlaps(seen)
     sd, independent = np.full((2, lags.size), np.nan)
     for i, lag in enumerate(lags.tolist()):
         pairs = overlaps.pairs(lag)
@@ -153,14 +162,13 @@ def angle_sd(mover: Mover, lags: Integers, seen: NDArray[np.bool_]) -> tuple[Flo
     return sd, independent
 
 
-def circle_sd(mover: Mover, radius_nm: float, lags: Integers, seen: NDArray[np.bool_]) -> Floats:
+def circle_sd(mover: Mover, radius_nm: float, lags: Integers, overlaps: Overlaps) -> Floats:
     """Give the standard deviation (nm^2) of the xy-MSD of a point on a circle turning like `mover`.
 
     The squared displacement is ``2 R^2 (1 - cos turn)``, whose covariance follows from that of
     the turns, ``exp(-s) ((exp(c) - 1) + cos(2 v tau) (exp(-c) - 1)) / 2`` for the cosines.
     Noise along the radius, which adds little beside this, is left out.
     """
-    overlaps = Overlaps(seen)
     sd = np.full(lags.size, np.nan)
     for i, lag in enumerate(lags.tolist()):
         pairs = overlaps.pairs(lag)

@@ -10,6 +10,7 @@ from scipy import linalg, optimize
 
 from rotortrack.motion.msd import MSD
 from rotortrack.motion.msd_covariance import Mover, covariance
+from rotortrack.units import DEGREES_PER_RADIAN
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +50,18 @@ class WeightedFit:
     lag_min_s: float
     lag_max_s: float
     n_lags: int
+
+    def row(self) -> dict[str, float]:
+        """Columns of `tables.ROTORS`, of a fit to an angle."""
+        low, high = self.speed_interval
+        return {
+            "msd_gls_speed_deg_s": self.speed * DEGREES_PER_RADIAN,
+            "msd_gls_speed_ci_low_deg_s": low * DEGREES_PER_RADIAN,
+            "msd_gls_speed_ci_high_deg_s": high * DEGREES_PER_RADIAN,
+            "msd_gls_diffusion_rad2_s": self.diffusion,
+            "msd_gls_diffusion_ci_low_rad2_s": self.diffusion_interval[0],
+            "msd_gls_diffusion_ci_high_rad2_s": self.diffusion_interval[1],
+        }
 
 
 NOT_FITTED = WeightedFit(

@@ -17,14 +17,19 @@ class MotionOptions(Options):
         "likelihood of the steps or of the directions on the circle (auto: the first where it is "
         "unbiased), or the paper's fit of the MSD, which has no sign and no error",
     )
-    gap_mode: Literal["drop", "bridge"] = option(
-        "drop", "steps across missing frames are left out, or counted like adjacent ones"
+    gap_mode: Literal["drop", "bridge", "model"] = option(
+        "drop",
+        "steps across missing frames are left out, counted like adjacent ones, or counted with the "
+        "turns that the estimated speed makes in them",
     )
     msd_lags: int | None = option(
         None, "number of lags in the MSD fit (absent: a quarter of the track)", ge=2
     )
     msd_noise: bool = option(
         False, "fit the constant 2 sigma^2 of localisation noise to the MSD as well"
+    )
+    msd_covariance: bool = option(
+        False, "fit the MSD also with the covariance of its lags, for honest errors (slow)"
     )
     driven_z: float = option(
         3.0, "standard deviations by which the speed of a driven rotor differs from zero", gt=0

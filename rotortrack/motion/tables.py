@@ -34,6 +34,20 @@ PROFILES = Schema(
     ),
 )
 
+MSDS = Schema(
+    "msd",
+    (
+        Column("rotor", "int64", "", "rotor number; -1: mean of all", required=True),
+        Column("lag_s", "float64", "s", "lag", required=True),
+        Column("angle_msd_rad2", "float64", "rad^2", "of the cumulative angle", required=True),
+        Column("angle_msd_sd_rad2", "float64", "rad^2", "its standard deviation"),
+        Column("xy_msd_nm2", "float64", "nm^2", "mean-square displacement in the plane"),
+        Column("xy_msd_sd_nm2", "float64", "nm^2", "its standard deviation"),
+        Column("n_pairs", "int64", "", "pairs of frames, which overlap"),
+        Column("n_independent", "float64", "", "independent ones of equal error; -1: rotors"),
+    ),
+)
+
 SWITCHES = Schema(
     "switches",
     (

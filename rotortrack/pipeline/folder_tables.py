@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rotortrack.exchange import csv, parquet
 from rotortrack.exchange.tables import write_localisations
 from rotortrack.exchange.writer import TableInfo
-from rotortrack.motion.tables import POSTERIOR, PROFILES, SWITCHES, VOLTAGE_SPEEDS, VOLTAGES
+from rotortrack.motion.tables import MSDS, POSTERIOR, PROFILES, SWITCHES, VOLTAGE_SPEEDS, VOLTAGES
 from rotortrack.tables import DECISIONS, DRIFT, LOCALISATIONS, ROTORS, TRACKS, Schema
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ SCHEMAS: dict[str, Schema] = {
     schema.name: schema
     for schema in (
         *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
-        *(POSTERIOR, PROFILES, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
+        *(MSDS, POSTERIOR, PROFILES, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
     )
 }
 """Schemas of all tables that a run folder may hold, by name."""

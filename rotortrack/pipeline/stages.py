@@ -72,6 +72,7 @@ class Moved:
     switches: pd.DataFrame
     posterior: pd.DataFrame
     profiles: pd.DataFrame
+    msd: pd.DataFrame
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:

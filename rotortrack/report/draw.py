@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rotortrack.cameras.hot_pixels import hot_limit_e
 from rotortrack.files import atomic_path
+from rotortrack.motion.msd_table import ALL_ROTORS
 from rotortrack.pipeline.store import FIGURE_NAME
 from rotortrack.report import words
 from rotortrack.report.figures import (
@@ -65,6 +66,7 @@ def draw_run(
     switches: pd.DataFrame | None = None,
     posterior: pd.DataFrame | None = None,
     profiles: pd.DataFrame | None = None,
+    msds: pd.DataFrame | None = None,
     voltages: pd.DataFrame | None = None,
     voltage_speeds: pd.DataFrame | None = None,
     movie: Movie | None = None,
@@ -94,7 +96,7 @@ def draw_run(
         Mean image of the movie (y, x), its pixel size (nm) and where it starts on the sensor.
     drift_bins
         Frames, dx (nm), dy (nm) of the bins behind the drift.
-    switches, posterior, profiles
+    switches, posterior, profiles, msds
         Further tables of the run.
     voltages, voltage_speeds
         What a recorded trace told of the frames and rotors.
@@ -126,6 +128,8 @@ def draw_run(
     of_spots = _ByRotor(localisations)
     of_posterior = _ByRotor(posterior)
     of_profile = _ByRotor(profiles, "bin")
+    of_msd = _ByRotor(msds, "lag_s")
+    whole = None if msds is None else msds[msds["rotor"] == ALL_ROTORS]
     curves = {number: msd.curve(part, frame_interval_s) for number, part in of_track.items()}
     interval = {"frame_interval_s": frame_interval_s}
 
@@ -140,6 +144,7 @@ def draw_run(
             switches=None if switches is None else switches[switches["rotor"] == number],
             posterior=of_posterior.get(number),
             angle_profile=of_profile.get(number),
+            msd_table=of_msd.get(number),
             **interval,
         )
 
@@ -160,7 +165,7 @@ def draw_run(
         "energetics": lambda: energetics.figure(rotors),
         "scatter": lambda: scatter.figure(rotors),
         "cumulative_angles": lambda: cumulative_angle.all_rotors(rotors, of_track, **interval),
-        "msds": lambda: msd.all_rotors(rotors, curves),
+        "msds": lambda: msd.all_rotors(rotors, curves, whole),
         "drift": lambda: drift_figure.figure(drift, bins=drift_bins),
     }
     if voltages is not None and voltage_speeds is not None:

@@ -76,6 +76,7 @@ def test_run_writes_everything_that_the_readme_lists(run_folder):
             "log.jsonl",
             "posterior.parquet",
             "profiles.parquet",
+            "msd.parquet",
             "switches.parquet",
             "switches.csv",
         ),

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from rotortrack.motion.ensemble import Track, ensemble, track_msd
+from rotortrack.motion.estimate import NOT_ESTIMATED
 from rotortrack.motion.link import link
-from rotortrack.motion.readings import Timing
+from rotortrack.motion.msd import msd
+from rotortrack.motion.msd_table import ALL_ROTORS, common_lags, msd_table, rotor_msd
+from rotortrack.motion.readings import Circle, Timing
+from rotortrack.motion.tracks import Track as RotorTrack
 
 INTERVAL_S = 0.01
 MICRONS = 1e-3
@@ -50,6 +54,30 @@ def test_single_particles_are_those_of_imsd_gaps_included(swimming, trackpy):
         values, _ = track_msd(track(part), np.arange(1, 41))
         expected = theirs[number].to_numpy()
         assert values * MICRONS**2 == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_table_of_rotors_is_that_of_imsd_and_emsd(swimming, trackpy):
+    table = swimming(np.random.default_rng(4), 6, 300)
+    nothing = np.full(300, np.nan)
+    tracks = {
+        number: RotorTrack(
+            part["frame"].to_numpy("int64"), nothing, part["x_nm"].to_numpy(),
+            part["y_nm"].to_numpy(), nothing, nothing, Circle(0.0, 0.0, 40.0),
+        )
+        for number, part in table.groupby("truth")
+    }  # fmt: skip
+    lags = common_lags(tracks.values())
+    angle = msd(np.arange(300.0) ** 2)
+    times = {"frame_interval_s": INTERVAL_S, "exposure_s": INTERVAL_S}
+    found = {n: rotor_msd(t, angle, NOT_ESTIMATED, lags, **times) for n, t in tracks.items()}
+    ours = msd_table(found, frame_interval_s=INTERVAL_S)
+    each = trackpy.imsd(as_trackpy(table), MICRONS, 1 / INTERVAL_S, max_lagtime=150)
+    mean = trackpy.emsd(as_trackpy(table), MICRONS, 1 / INTERVAL_S, max_lagtime=150)
+    assert lags.max() == 149
+    for number, rows in ours.groupby("rotor"):
+        theirs = (mean if number == ALL_ROTORS else each[number]).to_numpy()[lags - 1]
+        assert rows["lag_s"].to_numpy() == pytest.approx(lags * INTERVAL_S, rel=1e-12)
+        assert rows["xy_msd_nm2"].to_numpy() * MICRONS**2 == pytest.approx(theirs, rel=1e-8)
 
 
 @pytest.mark.parametrize("memory", [0, 2])

@@ -43,19 +43,38 @@ def curve(track: pd.DataFrame, frame_interval_s: float, points: int = 160) -> Cu
 
 
 @canvas.in_house_style
-def figure(track: pd.DataFrame, rotor: Row, *, frame_interval_s: float) -> Figure:
-    """Draw one rotor's MSD on its own (parameters as `cumulative_angle.figure`)."""
+def figure(
+    track: pd.DataFrame,
+    rotor: Row,
+    *,
+    frame_interval_s: float,
+    exposure_s: float | None = None,
+    table: pd.DataFrame | None = None,
+) -> Figure:
+    """Draw one rotor's MSD on its own (parameters as `rotor_sheet.figure`, the table as msds)."""
     made = canvas.new_figure(5.2, 4.4)
     canvas.heading(made, words.wrap(words.title(rotor), 60, 2), 0.2)
-    draw(canvas.place(made, 0.8, 0.55, 4.1, 3.1), curve(track, frame_interval_s), rotor)
+    points = curve(track, frame_interval_s)
+    draw(canvas.place(made, 0.8, 0.55, 4.1, 3.1), points, rotor, table=table, exposure_s=exposure_s)
     return made
 
 
-def draw(axes: Axes, points: Curve, rotor: Row) -> None:
+def draw(
+    axes: Axes,
+    points: Curve,
+    rotor: Row,
+    *,
+    table: pd.DataFrame | None = None,
+    exposure_s: float | None = None,
+) -> None:
     """Draw an MSD curve with v² τ² + 2 D τ, the lags of that fit, and guides of slope 1 and 2.
 
-    The fit is solid inside its range of lags and dashed outside it.
+    The fit is solid inside its range of lags and dashed outside it. Beside it is the curve of the
+    likelihood's speed, diffusion and noise, ω² τ² + 2 D (τ - exposure / 3) + 2 σ², to which no
+    displacement was fitted. With the rotor's rows of the msd table, points are those, each with
+    its standard deviation.
     """
+    points, errors = (points, None) if table is None or table.empty else _of_table(table)
     axes.set_xlabel("lag τ (s)")
     axes.set_ylabel("MSD (deg²)")
     lags, values = points
@@ -66,30 +85,41 @@ def draw(axes: Axes, points: Curve, rotor: Row) -> None:
     if first <= last:
         axes.axvspan(first, last, color=style.PALE, alpha=0.6, lw=0, label="lags of the fit")
     _guides(axes, lags, values)
-    axes.plot(
-        lags,
-        values,
-        "o",
-        ms=3,
-        mew=0,
-        color=style.behaviour(rotor.get("behaviour")).colour,
-        label="MSD",
-    )
+    colour = style.behaviour(rotor.get("behaviour")).colour
+    if errors is not None:
+        _band(axes, lags, values, errors, colour)
+    axes.plot(lags, values, "o", ms=3, mew=0, color=colour, label="MSD")
     speed = words.number(rotor, "msd_speed_deg_s")
     diffusion = words.number(rotor, "msd_diffusion_rad2_s") * DEGREES_PER_RADIAN**2
     if math.isfinite(speed) and math.isfinite(diffusion):
         fit = speed**2 * lags**2 + 2 * diffusion * lags
         inside = (lags >= first * (1 - 1e-9)) & (lags <= last * (1 + 1e-9))
         axes.plot(lags, fit, "--", color=style.INK, lw=0.8)
-        axes.plot(lags[inside], fit[inside], "-", color=style.INK, lw=1.6, label="v²τ² + 2Dτ")
-        axes.set_title(f"v = {_short(speed)} deg/s, D = {_short(diffusion)} deg²/s")
+        axes.plot(
+            lags[inside], fit[inside], "-", color=style.INK, lw=1.6, label="fit of v²τ² + 2Dτ"
+        )
+        axes.set_title(f"fit: v = {_short(speed)} deg/s, D = {_short(diffusion)} deg²/s")
+    expected = _likelihood(rotor, lags, exposure_s)
+    if expected is not None:
+        axes.plot(
+            lags,
+            expected,
+            color=style.VERMILLION,
+            lw=1.2,
+            label="speed, D and noise\nof the likelihood",
+        )
     _scale(axes, lags, values)
     axes.legend(loc="upper left", labelspacing=0.25)
 
 
 @canvas.in_house_style
-def all_rotors(rotors: pd.DataFrame, curves: dict[int, Curve]) -> Figure:
-    """Draw the MSD of all kept rotors, coloured by behaviour; `curves` by rotor number."""
+def all_rotors(
+    rotors: pd.DataFrame, curves: dict[int, Curve], whole: pd.DataFrame | None = None
+) -> Figure:
+    """Draw the MSD of all kept rotors, coloured by behaviour, and their mean with its error.
+
+    `curves` are by rotor number, `whole` the rows of the msd table for all rotors.
+    """
     made = canvas.new_figure(7.4, 5.0)
     axes = canvas.place(made, 0.8, 0.55, 4.3, 3.95)
     axes.set_xlabel("lag τ (s)")
@@ -111,6 +141,10 @@ def all_rotors(rotors: pd.DataFrame, curves: dict[int, Curve]) -> Figure:
     if not shown:
         canvas.notice(axes, "no rotors")
         return made
+    if whole is not None and len(whole) > 1 and len(shown) > 1:
+        (mean_lags, mean), errors = _of_table(whole)
+        _band(axes, mean_lags, mean, errors, style.INK)
+        axes.plot(mean_lags, mean, color=style.INK, lw=1.8, label="mean ± sd of the mean")
     lags = np.concatenate([entry[0] for entry in shown])
     values = np.concatenate([entry[1] for entry in shown])
     order = np.argsort(lags, kind="stable")
@@ -125,6 +159,35 @@ def all_rotors(rotors: pd.DataFrame, curves: dict[int, Curve]) -> Figure:
     handles += axes.get_legend_handles_labels()[0]  # type: ignore[arg-type]
     made.legend(handles=handles, loc="upper left", bbox_to_anchor=(5.25 / 7.4, 4.55 / 5.0))
     return made
+
+
+def _of_table(table: pd.DataFrame) -> tuple[Curve, Floats]:
+    """Return lags (s) and MSD (deg²) of rows of the msd table, and the standard deviations."""
+    lags, values, errors = (
+        table[name].to_numpy(np.float64)
+        for name in ("lag_s", "angle_msd_rad2", "angle_msd_sd_rad2")
+    )
+    known = np.isfinite(values) & (values > 0)
+    scale = DEGREES_PER_RADIAN**2
+    return (lags[known], values[known] * scale), errors[known] * scale
+
+
+def _band(axes: Axes, lags: Floats, values: Floats, errors: Floats, colour: str) -> None:
+    """Draw one standard deviation either way; on log axes it ends above zero."""
+    low = np.maximum(values - errors, 1e-3 * values)
+    axes.fill_between(lags, low, values + errors, color=colour, alpha=0.25, lw=0)
+
+
+def _likelihood(rotor: Row, lags: Floats, exposure_s: float | None) -> Floats | None:
+    """Return the MSD (deg²) that the rotor's speed, diffusion and noise make, where known."""
+    speed = words.number(rotor, "omega_rad_s")
+    diffusion = words.number(rotor, "diffusion_rad2_s")
+    noise = words.number(rotor, "theta_noise_rad")
+    if exposure_s is None or not math.isfinite(speed + diffusion + noise):
+        return None
+    blurred = np.maximum(lags - exposure_s / 3, 0)
+    made = (speed * lags) ** 2 + 2 * diffusion * blurred + 2 * noise**2
+    return np.asarray(made * DEGREES_PER_RADIAN**2, np.float64)
 
 
 def _guides(axes: Axes, lags: Floats, values: Floats) -> None:

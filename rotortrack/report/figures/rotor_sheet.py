@@ -44,6 +44,7 @@ def figure(
     switches: pd.DataFrame | None = None,
     posterior: pd.DataFrame | None = None,
     angle_profile: pd.DataFrame | None = None,
+    msd_table: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw the page of one rotor; without angles (refused, no circle) the heatmap alone.
 
@@ -69,13 +70,18 @@ def figure(
         Its rows of the posterior, if any.
     angle_profile
         Its rows of the profiles, if any.
+    msd_table
+        Its rows of the mean-square displacements, if any.
     """
     if track is None or not np.isfinite(track["cumulative_rad"].to_numpy(np.float64)).any():
         return heatmap.figure(localisations, rotor)
     points = msd.curve(track, frame_interval_s) if msd_curve is None else msd_curve
     times = {"frame_interval_s": frame_interval_s}
     panels: list[Panel] = [
-        (lambda axes: msd.draw(axes, points, rotor), False),
+        (
+            lambda axes: msd.draw(axes, points, rotor, table=msd_table, exposure_s=exposure_s),
+            False,
+        ),
         (lambda axes: step_sizes.draw(axes, track, rotor), False),
         (lambda axes: angle_trace.draw(axes, track, rotor, posterior, **times), False),
     ]

@@ -1,4 +1,4 @@
-"""Histogram of angle steps between adjacent frames with its normal fit (Fig. S4 of the paper)."""
+"""Histogram of angle steps between adjacent frames with normal fits (Fig. S4 of the paper)."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ def figure(track: pd.DataFrame, rotor: Row) -> Figure:
 
 
 def draw(axes: Axes, track: pd.DataFrame, rotor: Row) -> None:
-    """Draw the histogram of steps (degrees) and the normal density of their mean and sd.
+    """Draw the histogram of steps (degrees), a normal density and the rotor's wrapped normal one.
 
-    Mean and sd are the maximum-likelihood fit of a normal distribution to all steps.
+    Mean and sd are the maximum-likelihood fit of a normal distribution to all steps. The 180-degree
+    rule folds wide steps back, which the wrapped normal distribution allows for.
     """
     axes.set_xlabel("step between adjacent frames (°)")
     steps = _steps(track)
@@ -48,18 +49,39 @@ def draw(axes: Axes, track: pd.DataFrame, rotor: Row) -> None:
     if sd > 0:
         at = np.linspace(bins[0], bins[-1], 201)
         density = np.exp(-0.5 * ((at - mean) / sd) ** 2) / (sd * math.sqrt(2 * math.pi))
-        axes.plot(at, len(steps) * width * density, color=style.INK, lw=1.2, label="normal fit")
+        axes.plot(
+            at, len(steps) * width * density, color=style.INK, lw=1.2, label=f"normal, sd {sd:.2f}°"
+        )
+    _draw_wrapped(axes, rotor, bins, len(steps) * width)
     axes.axvline(0, color=style.GREY, lw=0.8, dashes=(1, 1.5), zorder=0)
     axes.set_xlim(bins[0], bins[-1])
-    axes.set_ylim(0, 1.12 * max(counts.max(), 1))
+    axes.set_ylim(0, 1.3 * max(counts.max(), 1))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", labelspacing=0.25)
     factor, power = canvas.thousands(float(counts.max()))
     if power:
         axes.yaxis.set_major_formatter(lambda value, _: f"{value / factor:g}")
         axes.set_ylabel(f"{power}steps per {width:g}°")
     axes.set_title(
         words.minus(f"mean {mean:.2f}°, sd {sd:.2f}°, ") + words.count(len(steps), "step")
+    )
+
+
+def _draw_wrapped(axes: Axes, rotor: Row, bins: Floats, area: float) -> None:
+    """Draw the wrapped normal density of the rotors table, where it has one."""
+    mean = words.number(rotor, "wrapped_step_rad") * DEGREES_PER_RADIAN
+    sd = words.number(rotor, "wrapped_step_sd_rad") * DEGREES_PER_RADIAN
+    if not (math.isfinite(mean) and sd > 0):
+        return
+    at = np.linspace(bins[0], bins[-1], 201)
+    turns = 360.0 * np.arange(-3, 4)[:, np.newaxis]
+    density = np.exp(-0.5 * ((at - mean + turns) / sd) ** 2).sum(axis=0)
+    density *= area / (sd * math.sqrt(2 * math.pi))
+    dashes = (4, 2)
+    axes.plot(
+        at, density, color=style.VERMILLION, lw=1.2, dashes=dashes, label=f"wrapped, sd {sd:.2f}°"
     )
 
 

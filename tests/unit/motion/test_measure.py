@@ -6,7 +6,8 @@ import pytest
 
 from rotortrack import tables
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
-from rotortrack.motion.measure import measure_motion, measure_rotor, unbroken_angle
+from rotortrack.motion.angles import unbroken_angle
+from rotortrack.motion.measure import measure_motion, measure_rotor
 from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.tables import POSTERIOR
 from rotortrack.motion.tracks import used_tracks

@@ -111,10 +111,10 @@ def test_standard_deviations_are_those_of_repeats(missing):
         places.append((msd(spot.real, 100).values + msd(spot.imag, 100).values)[lags - 1])
     mover = Mover(12.6, 5.0, 0.01, FRAME_S, 0.0)
     seen = np.isfinite(x)
-    sd, independent = angle_sd(mover, lags, seen)
+    sd, independent = angle_sd(mover, lags, Overlaps(seen))
     np.testing.assert_allclose(sd, np.std(angles, axis=0), rtol=0.2)
     np.testing.assert_allclose(
-        circle_sd(mover, radius, lags, seen), np.std(places, axis=0), rtol=0.2
+        circle_sd(mover, radius, lags, Overlaps(seen)), np.std(places, axis=0), rtol=0.2
     )
     assert (np.diff(independent) < 0).all()
     assert independent[2] < 12
