@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from dataclasses import dataclass
 from typing import Literal
@@ -10,7 +9,6 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from rotortrack import parallel
 from rotortrack.errors import AngleWarning, ConfigurationError, ExposureWarning, TableError
@@ -26,7 +24,7 @@ from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.msd_fit import NOT_FITTED, WeightedFit, fit_msd_weighted
 from rotortrack.motion.msd_table import RotorMSD, common_lags, msd_table, rotor_msd
 from rotortrack.motion.options import MotionOptions
-from rotortrack.motion.population import paper_class
+from rotortrack.motion.population import false_discovery_rate, paper_class
 from rotortrack.motion.switch_table import switch_table
 from rotortrack.motion.tables import POSTERIOR, PROFILES
 from rotortrack.motion.tilted_potential import NO_POTENTIAL, TiltedPotential
@@ -221,7 +219,7 @@ def measure_motion(
         columns=list(NOT_MEASURED.row()),
         index=rotors.index,
     )
-    motion["drift_q"] = _false_discovery_rate(motion["drift_p"].to_numpy("float64"))
+    motion["drift_q"] = false_discovery_rate(motion["drift_p"].to_numpy("float64"))
     others = rotors.drop(columns=motion.columns, errors="ignore")
     fitted = fitted_radius(rotors)
     factors = [
@@ -291,12 +289,24 @@ def measure_rotor(
     lags = options.msd_lags or max(span // 4, 2)
     cumulative = unbroken_angle(frame, theta_rad, options.gap_mode, turn_rad)
     curve = msd(cumulative, max(lags, span // 2))
-    times = {"frame_interval_s": frame_interval_s, "exposure_s": exposure_s}
     weighted, rows = NOT_FITTED, None
     if options.msd_covariance:
-        weighted = fit_msd_weighted(curve, np.isfinite(cumulative), lags=lags, **times)
+        weighted = fit_msd_weighted(
+            curve,
+            np.isfinite(cumulative),
+            frame_interval_s=frame_interval_s,
+            exposure_s=exposure_s,
+            lags=lags,
+        )
     if table_lags is not None:
-        rows = rotor_msd(track, curve, estimate, table_lags, **times)
+        rows = rotor_msd(
+            track,
+            curve,
+            estimate,
+            table_lags,
+            frame_interval_s=frame_interval_s,
+            exposure_s=exposure_s,
+        )
     # What passes for a switch where steps outgrow the 180-degree rule may be a turn that was lost.
     switches = None
     if not steps.folded:
@@ -347,15 +357,6 @@ def _warn_of_wide_steps(found: dict[int, Motion]) -> None:
         AngleWarning,
         stacklevel=3,
     )
-
-
-def _false_discovery_rate(p: Floats) -> Floats:
-    """Benjamini and Hochberg's q of the rotors that have a p."""
-    known = np.isfinite(p)
-    q = np.full(p.size, math.nan)
-    if known.any():
-        q[known] = stats.false_discovery_control(p[known])
-    return q
 
 
 def _posterior_table(seen: dict[int, Track], found: dict[int, Motion]) -> pd.DataFrame:

@@ -108,6 +108,15 @@ def driven_share(p: Floats, alpha: float = DRIVEN_P) -> DrivenShare:
     )
 
 
+def false_discovery_rate(p: Floats) -> Floats:
+    """Benjamini and Hochberg's q of the rotors that have a p, nan for the others."""
+    known = np.isfinite(p)
+    q = np.full(p.size, math.nan)
+    if known.any():
+        q[known] = stats.false_discovery_control(p[known])
+    return q
+
+
 def binomial_share(count: int, n: int) -> Share:
     """Share `count / n` with Clopper and Pearson's interval of 95 %."""
     if n == 0:
