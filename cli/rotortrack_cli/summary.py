@@ -61,7 +61,7 @@ def _show(console: Console, result: Result, seconds: float) -> None:
     lines += [f"  refused         {count} {reason}" for reason, count in reasons.most_common()]
     if counts.get("human_verdicts"):
         against = f"{counts.get('overruled', 0)} against the screening"
-        lines.append(f"  by hand         {counts['human_verdicts']} verdicts, {against}")
+        lines.append(f"  by hand         {counts['human_verdicts']} decided, {against}")
     if "behaviour" in kept and len(kept):
         found = ", ".join(f"{n} {name}" for name, n in Counter(kept["behaviour"]).most_common())
         lines.append(f"  behaviour       {found}")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 PARTS = 20
 """Parts of the movie whose centres are compared; drift within one goes unseen."""
 
-MIN_ROTORS = 6
+MIN_ROTORS = 8
 """Fewer rotors may agree by chance: the significance of n equal ones is sqrt(n (n - 1) / 2)."""
 
 _FEWEST = 10
@@ -123,7 +123,7 @@ def common_motion(motions: Sequence[CentreMotion]) -> tuple[float, float]:
     Returns
     -------
     Rms of the common shift per axis, nm, and its significance in standard deviations (0 for fewer
-    than six rotors).
+    than eight rotors).
     """
     told = [m for m in motions if np.count_nonzero(np.isfinite(m.shift_nm[:, 0])) >= PARTS // 2]
     if len(told) < MIN_ROTORS:

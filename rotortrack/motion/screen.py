@@ -80,6 +80,11 @@ def screen(
     TableError
         A needed column is missing.
 
+    Warns
+    -----
+    DriftWarning
+        The centres of many circles move together.
+
     Notes
     -----
     About 4 ms a rotor of 3000 localisations.
@@ -156,10 +161,11 @@ class _Film:
         frame = localisations["frame"]
         first = int(frame.min()) if len(frame) else 0
         extent = (first, max(int(frame.max()) + 1 if len(frame) else 0, first + n_frames))
-        members: Mapping[Any, NDArray[np.int64]] = single.groupby("rotor").indices
-        everything: Mapping[Any, NDArray[np.int64]] = localisations.groupby("rotor").indices
+        members = _rows_of(single)
         return cls(
-            spots={number: localisations.iloc[rows] for number, rows in everything.items()},
+            spots={
+                number: localisations.iloc[rows] for number, rows in _rows_of(localisations).items()
+            },
             gaps_nm=dict(zip(numbers, gaps, strict=True)),
             margin_nm=margin,
             fragments=dict(zip(numbers, shares, strict=True)),
@@ -171,6 +177,12 @@ class _Film:
             n_frames=n_frames,
             drift_sd_nm=drift_sd_nm,
         )
+
+
+def _rows_of(localisations: pd.DataFrame) -> dict[Any, NDArray[np.int64]]:
+    """Rows of every rotor, by its number."""
+    groups = localisations.groupby("rotor").indices
+    return {number: np.asarray(rows, dtype=np.int64) for number, rows in groups.items()}
 
 
 def _centre_of(
