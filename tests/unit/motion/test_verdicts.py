@@ -96,7 +96,7 @@ def test_a_replay_with_other_thresholds_is_a_new_screening(changed):
 
 
 def test_what_is_no_threshold_cannot_be_replayed():
-    with pytest.raises(UsageError, match="neighbour_share is no threshold .* min_frames"):
+    with pytest.raises(UsageError, match=r"neighbour_share is no threshold .* min_frames"):
         replay(default().decisions, {"neighbour_share": 0.5})
     with pytest.raises(TableError, match="screen the rotors again"):
         replay(default().decisions.drop(columns="option"), {"min_frames": 5})
