@@ -241,15 +241,15 @@ def read_toml(path: Path) -> dict[str, dict[str, Any]]:
     return parse_toml(read_content(path), path)
 
 
-def parse_toml(content: bytes, path: Path) -> dict[str, dict[str, Any]]:
+def parse_toml(content: bytes, path: Path, *, arrays: Sequence[str] = ()) -> dict[str, Any]:
     """Parse the content of a configuration file.
 
     Parameters
     ----------
     content
         TOML in UTF-8.
-    path
-        Where it comes from, for the sentences.
+    path, arrays
+        Where it comes from, for the sentences; names that may be arrays of sections.
 
     Raises
     ------
@@ -274,7 +274,9 @@ def parse_toml(content: bytes, path: Path) -> dict[str, dict[str, Any]]:
         raise ConfigurationError(f"{path} is nested more deeply than any option") from error
     except ValueError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {shortened(str(error))}") from error
-    loose = [key for key, value in values.items() if not isinstance(value, dict)]
+    loose = [
+        k for k, v in values.items() if not isinstance(v, list | dict if k in arrays else dict)
+    ]
     if loose:
         raise ConfigurationError(
             *_some(

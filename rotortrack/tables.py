@@ -195,6 +195,10 @@ DECISIONS = Schema(
         Column("threshold", "float64", "", "the limit that it was held against", required=True),
         Column("passed", "bool", "", "whether it kept the limit", required=True),
         Column("reason", "str", "", "why it is refused where it did not", required=True),
+        Column("option", "str", "", "option of [screen] that is the limit"),
+        Column("verdict_before", "str", "", "the verdict and reason that a person overruled"),
+        Column("verdict_after", "str", "", "the verdict of that person"),
+        Column("remark", "str", "", "why, by whom and when"),
     ),
 )
 

@@ -29,6 +29,7 @@ _COMMANDS = {
     "filter": "Keep localisations that are precise and have neighbours.",
     "rotors": "Localisations to rotors: clusters, circles, screening.",
     "motion": "Rotors to angles, speeds, diffusion and behaviour.",
+    "review": "Verdicts on single rotors: list them, or overrule the screening.",
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",

@@ -59,6 +59,9 @@ def _show(console: Console, result: Result, seconds: float) -> None:
         lines.append(f"  duplicates      {counts['duplicates']} spots of a rotor seen twice")
     reasons = Counter(rotors.loc[rotors["verdict"] != "kept", "reason"])
     lines += [f"  refused         {count} {reason}" for reason, count in reasons.most_common()]
+    if counts.get("human_verdicts"):
+        against = f"{counts.get('overruled', 0)} against the screening"
+        lines.append(f"  by hand         {counts['human_verdicts']} decided, {against}")
     if "behaviour" in kept and len(kept):
         found = ", ".join(f"{n} {name}" for name, n in Counter(kept["behaviour"]).most_common())
         lines.append(f"  behaviour       {found}")

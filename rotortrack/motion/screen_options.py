@@ -18,8 +18,17 @@ class ScreenOptions(Options):
     max_duplicates: float = option(
         0.1, "part of a rotor's frames that may hold a second localisation", ge=0, le=1
     )
+    max_gap: float = option(
+        0.5, "part of all frames for which a rotor may vanish before it is seen again", gt=0, le=1
+    )
+    max_fragment: float = option(
+        0.1, "part of a rotor's localisations that may lie in other clusters", ge=0, le=1
+    )
     max_intensity_step: float = option(
         1.4, "intensity may rise in a step by less than this factor", gt=1
+    )
+    max_intensity_fall: float = option(
+        1.5, "intensity may fall in a step by less than this factor", gt=1
     )
     min_spread: float = option(
         1.3, "spread of the positions per axis over their localisation uncertainty", ge=0
@@ -35,6 +44,12 @@ class ScreenOptions(Options):
         4.0, "scatter about the circle over the localisation uncertainty", gt=0
     )
     max_radius_error: float = option(0.2, "standard deviation of the radius over the radius", gt=0)
+    max_centre_motion: float = option(
+        0.15, "rms motion of the circle's centre per axis over the radius", gt=0
+    )
+    max_common_motion_nm: float = option(
+        10.0, "rms motion of all centres together, nm, above which drift was left", gt=0
+    )
     neighbour_margin_nm: float | None = option(
         None,
         "gap that must lie between the circles of two rotors, nm (absent: five widths of a spot)",

@@ -14,6 +14,7 @@ from rotortrack.exchange.tables import read_info
 from rotortrack.exchange.writer import TableInfo
 from rotortrack.motion.population import of_rotors
 from rotortrack.pipeline import stages
+from rotortrack.pipeline.curate import curate
 from rotortrack.pipeline.identity import describe, identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.presets import SECTIONS
@@ -23,6 +24,7 @@ from rotortrack.pipeline.store import RunFolder
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
 from rotortrack.pipeline.voltage_run import measure_voltages
 from rotortrack.settings import Layer, Settings, resolve
+from rotortrack.tables import DECISIONS, empty
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,12 +69,13 @@ def rotors_from_table(
             trusted = np.ones(len(table), bool)
             found = stages.find(table, trusted, settings, n_frames=n_frames)
         record_found(record, found)
-        record_verdicts(record, found.rotors)
+        rotors, decisions = curate(target, found.rotors, found.decisions, record)
+        record_verdicts(record, rotors)
         refuse_changed([file])
         tables = {
             "localisations": found.localisations,
-            "rotors": found.rotors,
-            "decisions": found.decisions,
+            "rotors": rotors,
+            "decisions": decisions,
         }
         movie = settings["movie"]
         info = dataclasses.replace(
@@ -118,10 +121,19 @@ def motion_of_run(
                 raise InputError(
                     f"{path / 'rotors.parquet'} has no verdicts: screen the rotors again"
                 )
-            moved = stages.move(tables["localisations"], tables["rotors"], settings)
+            judged = _decisions_of(folder)
+            rotors, decisions = curate(path, tables["rotors"], judged, record)
+            record_verdicts(record, rotors)
+            moved = stages.move(tables["localisations"], rotors, settings)
             record.content["population"] = of_rotors(moved.rotors).plain()
             tables.update(moved.tables)
             names = list(moved.tables)
+            kept = ["localisations", "drift"]
+            if decisions is judged:
+                kept.append("decisions")
+            else:
+                tables["decisions"] = decisions
+                names.append("decisions")
             if trace is not None and recorded_trace is not None:
                 record.content["trace"] = describe(recorded_trace, path, sha256_of(recorded_trace))
                 tables.update(_voltages(trace, folder, tables, settings, record))
@@ -129,7 +141,6 @@ def motion_of_run(
                 names += ["voltages", "voltage_speeds"]
             written = {name: tables[name] for name in names}
             info = TableInfo(provenance=record.provenance)
-            kept = ("localisations", "drift", "decisions")
             unfinished = None if draw is None else "figures"
             folder.commit(written, info, record, keep=kept, unfinished=unfinished)
         result = Result(folder, settings, record, tables)
@@ -138,6 +149,12 @@ def motion_of_run(
                 draw(result)
         folder.note_finished(record)
     return result
+
+
+def _decisions_of(folder: RunFolder) -> pd.DataFrame:
+    """Read the decisions of a run; none where they were not kept."""
+    there = (folder.path / f"{DECISIONS.name}.parquet").is_file()
+    return folder.read(DECISIONS.name) if there else empty(DECISIONS)
 
 
 def _voltages(

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rotortrack.errors import InputError
+from rotortrack.files import write_text
 from rotortrack.pipeline.folder_runs import motion_of_run, rotors_from_table
 from rotortrack.pipeline.identity import identify
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.provenance import versions
 from rotortrack.pipeline.run import run_movie
 from rotortrack.pipeline.store import RunFolder
-from rotortrack.settings import Layer
+from rotortrack.rotors.curation import FILE_NAME, read_curation
+from rotortrack.settings import Layer, read_content
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,6 +110,9 @@ def reproduce(
     if target.resolve() == run.resolve():
         raise InputError(f"{run} cannot be repeated into itself: choose another folder with -o")
     inputs = _inputs(run, manifest, paths)
+    said, saying = run / FILE_NAME, target / FILE_NAME
+    if read_curation(said) and not saying.exists():
+        write_text(saying, read_content(said).decode())
     layers = _layers(manifest)
     steps = manifest["steps"]
     recorded = manifest.get("trace")

@@ -25,6 +25,7 @@ from rotortrack.pipeline.checkpoints import (
     unpack_corrected,
     unpack_found,
 )
+from rotortrack.pipeline.curate import curate
 from rotortrack.pipeline.identity import (
     Identity,
     describe,
@@ -47,6 +48,7 @@ from rotortrack.pipeline.parts import Checkpoint, Parts
 from rotortrack.pipeline.presets import WORKFLOW, notes_on
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.store import RunFolder
+from rotortrack.rotors.curation import FILE_NAME, read_curation
 from rotortrack.settings import Layer, Settings
 from rotortrack.tables import Schema
 
@@ -182,6 +184,8 @@ class _Run:
         for sentence in (*notes_on(settings), *self._source.movie.notes):
             record.note(sentence)
         with self._stage("check"):
+            # A mistake in it is told before the long work.
+            read_curation(folder.path / FILE_NAME)
             self._check()
         with self._stage("localise", self._source.movie.shape[0]):
             localisations, hashes = localise_in_parts(
@@ -199,15 +203,17 @@ class _Run:
             del localisations
         with self._stage("rotors"):
             found = self._found(corrected)
+        # What people say may change from one call to the next, so nothing of it is kept.
+        rotors, decisions = curate(folder.path, found.rotors, found.decisions, record)
         with self._stage("motion"):
-            moved = stages.move(found.localisations, found.rotors, settings, workers=workers)
+            moved = stages.move(found.localisations, rotors, settings, workers=workers)
             record_verdicts(record, moved.rotors)
             record.content["population"] = of_rotors(moved.rotors).plain()
         drift = corrected.drift
         tables = {
             "localisations": found.localisations,
             "drift": drift.table,
-            "decisions": found.decisions,
+            "decisions": decisions,
             **moved.tables,
         }
         with self._stage("tables"):

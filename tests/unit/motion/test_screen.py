@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rotortrack.errors import TableError
-from rotortrack.motion.screen import Reason, position_spread_nm, screen
+from rotortrack.errors import DriftWarning, TableError
+from rotortrack.motion.screen import position_spread_nm, screen
 from rotortrack.motion.screen_options import ScreenOptions
+from rotortrack.motion.verdicts import Reason
 from rotortrack.rotors.find import find_rotors
+from rotortrack.rotors.options import ClusterOptions
 
 FRAMES = 3000
 TRUTH = {
@@ -22,6 +24,7 @@ TRUTH = {
     "stuck": "immobile",
     "arc": "partial_arc",
     "step": "several_rotors",
+    "loss": "several_rotors",
     "rare": "too_few_frames",
 }
 
@@ -45,6 +48,8 @@ def rotor(rng, kind, *, n=FRAMES, radius=None, noise=None):
         photons *= np.maximum(0.2, 1.0 - (np.arange(n) * 16 // n) / 20.0)
     if kind == "step":
         photons[int(n * rng.uniform(0.2, 0.8)) :] *= 1.9
+    if kind == "loss":
+        photons[: int(n * rng.uniform(0.2, 0.8))] *= 1.9
     seen = np.flatnonzero(rng.random(n) < (0.02 if kind == "rare" else rng.uniform(0.5, 0.95)))
     return pd.DataFrame(
         {
@@ -61,9 +66,9 @@ def at(table, x, y):
     return table.assign(x_nm=table["x_nm"] + x, y_nm=table["y_nm"] + y)
 
 
-def screened(tables, options=None, n_frames=FRAMES, **columns):
+def screened(tables, options=None, n_frames=FRAMES, distance_nm=None, **columns):
     table = pd.concat(tables, ignore_index=True).assign(**columns)
-    found = find_rotors(table)
+    found = find_rotors(table, ClusterOptions(distance_nm=distance_nm))
     return screen(found.localisations, found.rotors, options, n_frames=n_frames)
 
 
@@ -102,6 +107,7 @@ def test_verdicts_agree_with_the_planted_truth(background, drop):
         *["stuck"] * 14,
         *["arc"] * 6,
         *["step"] * 6,
+        *["loss"] * 4,
         *["rare"] * 2,
     ]
     kinds = list(rng.permutation(kinds))
@@ -153,6 +159,7 @@ def test_scatter_far_above_the_noise_is_no_circle():
         ({"min_frames": 2999}, "too_few_frames"),
         ({"min_detection": 0.99}, "too_few_frames"),
         ({"max_intensity_step": 1.0001}, "several_rotors"),
+        ({"max_gap": 1e-4}, "too_few_frames"),
         ({"min_spread": 50.0}, "immobile"),
         ({"min_ring_evidence": 1e6}, "immobile"),
         ({"max_residual": 0.5}, "no_circle"),
@@ -165,6 +172,75 @@ def test_every_threshold_is_an_option(changed, reason):
     outcome = screened([table], ScreenOptions(**changed)).rotors
     assert list(outcome["verdict"]) == ["refused"]
     assert list(outcome["reason"]) == [reason]
+
+
+def broken(rng, width=0.7):
+    """A rotor that is dark in two opposite arcs, of this half width in rad."""
+    table = rotor(rng, "brownian", radius=170.0, noise=10.0)
+    angle = np.arctan2(table["y_nm"], table["x_nm"])
+    return table[np.abs(angle % np.pi - np.pi / 2) > width]
+
+
+def test_the_pieces_of_a_rotor_are_named_and_not_measured_twice():
+    outcome = screened([broken(np.random.default_rng(12))], distance_nm=60.0)
+    assert list(outcome.rotors["reason"]) == ["fragment", "fragment"]
+    share = outcome.decisions.set_index("feature").loc["fragment", "value"]
+    assert share.sum() == pytest.approx(1.0)
+
+
+def test_a_rotor_that_lost_but_a_small_piece_is_measured_without_it():
+    rng = np.random.default_rng(13)
+    table = rotor(rng, "driven", radius=170.0, noise=10.0)
+    angle = np.arctan2(table["y_nm"], table["x_nm"])
+    # Two dark arcs leave 20 of 360 degrees between them.
+    outcome = screened(
+        [table[(np.abs(angle) < 0.17) | (np.abs(angle) > 0.6)]], distance_nm=60.0
+    ).rotors
+    reasons = outcome.sort_values("n_localisations")["reason"]
+    assert list(reasons) == ["fragment", ""]
+
+
+def test_two_rings_about_one_centre_are_not_measured_twice():
+    rng = np.random.default_rng(14)
+    tables = [rotor(rng, "driven", radius=r, noise=8.0) for r in (60.0, 180.0)]
+    outcome = screened(tables, ScreenOptions(neighbour_margin_nm=0.0), distance_nm=40.0)
+    large = outcome.rotors[outcome.rotors["n_localisations"] > 500]
+    assert list(large["verdict"]) == ["refused", "refused"]
+
+
+def test_a_rotor_that_was_away_for_most_of_the_movie_is_refused():
+    rng = np.random.default_rng(15)
+    table = rotor(rng, "driven", radius=100.0, noise=10.0)
+    table = table[(table["frame"] < 600) | (table["frame"] > 2400)]
+    outcome = screened([table])
+    assert list(outcome.rotors["reason"]) == ["too_few_frames"]
+    gap = outcome.decisions.set_index("feature").loc["longest_gap"]
+    assert gap["value"] == pytest.approx(1800 / FRAMES, rel=0.02)
+    late = table[table["frame"] > 2400]
+    assert list(screened([late]).rotors["verdict"]) == ["kept"]
+
+
+def sliding(table, rms_nm):
+    wave = np.sqrt(2.0) * rms_nm * np.sin(2.0 * np.pi * table["frame"] / FRAMES)
+    return table.assign(x_nm=table["x_nm"] + wave, y_nm=table["y_nm"] + wave)
+
+
+def test_a_rotor_that_slides_is_refused_and_one_at_rest_is_not():
+    rng = np.random.default_rng(16)
+    table = rotor(rng, "brownian", radius=100.0, noise=10.0)
+    assert list(screened([table]).rotors["reason"]) == [""]
+    assert list(screened([sliding(table, 25.0)]).rotors["reason"]) == ["centre_moves"]
+
+
+def test_a_drift_that_was_left_is_the_films_and_no_rotors_fault():
+    rng = np.random.default_rng(17)
+    tables = [
+        at(sliding(rotor(rng, "driven", radius=150.0, noise=10.0), 15.0), 1500.0 * i, 0.0)
+        for i in range(10)
+    ]
+    with pytest.warns(DriftWarning, match=r"10 circles move together by 1[0-9] nm"):
+        outcome = screened(tables)
+    assert set(outcome.rotors["verdict"]) == {"kept"}
 
 
 def test_decisions_replay_every_verdict():
