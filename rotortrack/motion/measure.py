@@ -27,7 +27,7 @@ from rotortrack.motion.options import MotionOptions
 from rotortrack.motion.population import false_discovery_rate, paper_class
 from rotortrack.motion.switch_table import switch_table
 from rotortrack.motion.tables import POSTERIOR, PROFILES
-from rotortrack.motion.tilted_potential import NO_POTENTIAL, TiltedPotential
+from rotortrack.motion.tilted_potential import NO_POTENTIAL
 from rotortrack.motion.tracks import Track, used_tracks
 from rotortrack.tables import ROTORS, conform, empty
 from rotortrack.units import DEGREES_PER_RADIAN, TURN_RAD
@@ -110,7 +110,7 @@ class Motion:
             "resampled": self.estimate.resampled,
             "n_switches": 0 if self.switches is None else len(self.switches),
             **self.energetics.row(),
-            **_potential_row(NO_POTENTIAL if self.profile is None else self.profile.potential),
+            **(NO_POTENTIAL if self.profile is None else self.profile.potential).row(),
             "msd_speed_deg_s": self.msd_fit.speed_rad_s * DEGREES_PER_RADIAN,
             "msd_diffusion_rad2_s": self.msd_fit.diffusion_rad2_s,
             "msd_lag_min_s": self.msd_fit.lag_min_s,
@@ -294,9 +294,9 @@ def measure_rotor(
         weighted = fit_msd_weighted(
             curve,
             np.isfinite(cumulative),
+            lags=lags,
             frame_interval_s=frame_interval_s,
             exposure_s=exposure_s,
-            lags=lags,
         )
     if table_lags is not None:
         rows = rotor_msd(
@@ -380,14 +380,3 @@ def _profiles_table(found: dict[int, Motion]) -> pd.DataFrame:
     parts = [one.profile.table(number) for number, one in found.items() if one.profile is not None]
     joined = pd.concat(parts, ignore_index=True) if parts else empty(PROFILES)
     return conform(joined, PROFILES, "profiles")
-
-
-def _potential_row(potential: TiltedPotential) -> dict[str, float]:
-    low, high = potential.barrier_interval_kt
-    return {
-        "barrier_kt": potential.barrier_kt,
-        "barrier_ci_low_kt": low,
-        "barrier_ci_high_kt": high,
-        "preferred_rad": potential.preferred_rad,
-        "pinning_p": potential.p,
-    }

@@ -125,6 +125,17 @@ class TiltedPotential:
             ahead = frame @ ahead
         return first, float(abs(back @ ahead))
 
+    def row(self) -> dict[str, float]:
+        """Columns of `tables.ROTORS`."""
+        low, high = self.barrier_interval_kt
+        return {
+            "barrier_kt": self.barrier_kt,
+            "barrier_ci_low_kt": low,
+            "barrier_ci_high_kt": high,
+            "preferred_rad": self.preferred_rad,
+            "pinning_p": self.p,
+        }
+
 
 NO_POTENTIAL = TiltedPotential(
     np.full(4, math.nan),

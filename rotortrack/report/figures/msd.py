@@ -88,16 +88,16 @@ def draw(
     colour = style.behaviour(rotor.get("behaviour")).colour
     if errors is not None:
         _band(axes, lags, values, errors, colour)
-    axes.plot(lags, values, "o", ms=3, mew=0, color=colour, label="MSD")
+    axes.plot(
+        lags, values, "o", ms=3, mew=0, color=colour, label="MSD" if errors is None else "MSD ± sd"
+    )
     speed = words.number(rotor, "msd_speed_deg_s")
     diffusion = words.number(rotor, "msd_diffusion_rad2_s") * DEGREES_PER_RADIAN**2
     if math.isfinite(speed) and math.isfinite(diffusion):
         fit = speed**2 * lags**2 + 2 * diffusion * lags
         inside = (lags >= first * (1 - 1e-9)) & (lags <= last * (1 + 1e-9))
         axes.plot(lags, fit, "--", color=style.INK, lw=0.8)
-        axes.plot(
-            lags[inside], fit[inside], "-", color=style.INK, lw=1.6, label="fit of v²τ² + 2Dτ"
-        )
+        axes.plot(lags[inside], fit[inside], "-", color=style.INK, lw=1.6, label="v²τ² + 2Dτ")
         axes.set_title(f"fit: v = {_short(speed)} deg/s, D = {_short(diffusion)} deg²/s")
     expected = _likelihood(rotor, lags, exposure_s)
     if expected is not None:
@@ -179,10 +179,12 @@ def _band(axes: Axes, lags: Floats, values: Floats, errors: Floats, colour: str)
 
 
 def _likelihood(rotor: Row, lags: Floats, exposure_s: float | None) -> Floats | None:
-    """Return the MSD (deg²) that the rotor's speed, diffusion and noise make, where known."""
+    """Return the MSD (deg²) that the rotor's likelihood expects, where it was asked."""
     speed = words.number(rotor, "omega_rad_s")
     diffusion = words.number(rotor, "diffusion_rad2_s")
     noise = words.number(rotor, "theta_noise_rad")
+    if rotor.get("speed_method") == "paper":
+        return None
     if exposure_s is None or not math.isfinite(speed + diffusion + noise):
         return None
     blurred = np.maximum(lags - exposure_s / 3, 0)

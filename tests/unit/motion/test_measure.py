@@ -287,3 +287,22 @@ def test_results_do_not_depend_on_the_number_of_threads(driven_and_stuck):
     )
     pd.testing.assert_frame_equal(one.rotors, three.rotors)
     pd.testing.assert_frame_equal(one.posterior, three.posterior)
+
+
+def test_all_lags_and_the_fit_with_covariance_are_told():
+    rng = np.random.default_rng(8)
+    angle = np.cumsum(rng.normal(0.06, 0.12, 2000))
+    table = tracks_table((4, np.arange(2000), angle))
+    found = measure_motion(
+        table,
+        rotors_table(4),
+        MotionOptions(msd_covariance=True),
+        frame_interval_s=FRAME_S,
+        exposure_s=FRAME_S,
+    )
+    row = found.rotors.iloc[0]
+    assert row["msd_gls_speed_ci_low_deg_s"] < row["msd_gls_speed_deg_s"]
+    assert row["msd_gls_speed_deg_s"] < row["msd_gls_speed_ci_high_deg_s"]
+    assert row["wrapped_step_sd_rad"] == pytest.approx(row["step_sd_rad"], rel=1e-2)
+    assert found.msd["rotor"].unique().tolist() == [-1, 4]
+    assert found.msd["lag_s"].max() == pytest.approx(999 * FRAME_S)

@@ -214,6 +214,30 @@ def test_fit_is_solid_only_inside_its_lags(run):
     assert value == pytest.approx((row["msd_speed_deg_s"] * lag) ** 2 + 2 * diffusion * lag)
 
 
+@pytest.mark.parametrize("method", ["increments", "paper"])
+def test_the_likelihoods_curve_is_drawn_where_it_gave_the_speed(run, method):
+    _, row, track = run.of(0)
+    told = {"omega_rad_s": 3.0, "diffusion_rad2_s": 2.0, "theta_noise_rad": 0.1}
+    row = {**row, **told, "speed_method": method}
+    axes = msd.figure(track, row, exposure_s=0.003, **DT).axes[0]
+    found = [line for line in axes.lines if "likelihood" in str(line.get_label())]
+    assert len(found) == (method != "paper")
+    for line in found:
+        lag = line.get_xdata()
+        expected = 9.0 * lag**2 + 4.0 * (lag - 0.001) + 0.02
+        assert line.get_ydata() == pytest.approx(expected * math.degrees(1) ** 2)
+
+
+def test_the_wrapped_fit_adds_up_to_all_steps_even_where_they_are_wide():
+    steps = np.random.default_rng(1).uniform(-np.pi, np.pi, 4000)
+    track = pd.DataFrame({"frame": np.arange(4000), "step_rad": steps})
+    row = {"rotor": 3, "wrapped_step_rad": 0.3, "wrapped_step_sd_rad": 2.0}
+    axes = step_sizes.figure(track, row).axes[0]
+    (line,) = [one for one in axes.lines if "wrapped" in str(one.get_label())]
+    at, density = line.get_xdata(), line.get_ydata()
+    assert np.trapezoid(density, at) / 5.0 == pytest.approx(4000, rel=1e-3)
+
+
 def test_steps_across_a_gap_stay_out_of_the_histogram():
     track = pd.DataFrame(
         {"frame": [0, 1, 2, 5, 6], "step_rad": np.radians([np.nan, 10.0, 20.0, 170.0, 30.0])}
