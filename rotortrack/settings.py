@@ -274,9 +274,8 @@ def parse_toml(content: bytes, path: Path, *, arrays: Sequence[str] = ()) -> dic
         raise ConfigurationError(f"{path} is nested more deeply than any option") from error
     except ValueError as error:
         raise ConfigurationError(f"{path} is not valid TOML: {shortened(str(error))}") from error
-    loose = [
-        k for k, v in values.items() if not isinstance(v, list | dict if k in arrays else dict)
-    ]
+    kinds = {key: list | dict if key in arrays else dict for key in values}
+    loose = [key for key, value in values.items() if not isinstance(value, kinds[key])]
     if loose:
         raise ConfigurationError(
             *_some(

@@ -38,7 +38,7 @@ def test_centres_at_rest_are_not_taken_for_moving_ones(axis_ratio):
     found = [moving(rng, axis_ratio=axis_ratio) for _ in range(100)]
     assert max(motion.wander_nm / radius for motion, radius in found) < 0.15
     if axis_ratio == 1.0:
-        assert np.mean([motion.wander_nm > 0.0 for motion, _ in found]) < 0.05
+        assert np.mean([motion.wander_nm > 0.0 for motion, _ in found]) < 0.08
 
 
 def test_a_centre_that_moves_is_measured():

@@ -24,7 +24,6 @@ TRUTH = {
     "stuck": "immobile",
     "arc": "partial_arc",
     "step": "several_rotors",
-    "loss": "several_rotors",
     "rare": "too_few_frames",
 }
 
@@ -107,7 +106,6 @@ def test_verdicts_agree_with_the_planted_truth(background, drop):
         *["stuck"] * 14,
         *["arc"] * 6,
         *["step"] * 6,
-        *["loss"] * 4,
         *["rare"] * 2,
     ]
     kinds = list(rng.permutation(kinds))
@@ -172,6 +170,12 @@ def test_every_threshold_is_an_option(changed, reason):
     outcome = screened([table], ScreenOptions(**changed)).rotors
     assert list(outcome["verdict"]) == ["refused"]
     assert list(outcome["reason"]) == [reason]
+
+
+def test_a_second_rotor_that_leaves_is_told():
+    rng = np.random.default_rng(18)
+    found = [screened([rotor(rng, "loss")]).rotors["reason"].iloc[0] for _ in range(20)]
+    assert found.count("several_rotors") == 20
 
 
 def broken(rng, width=0.7):
