@@ -87,7 +87,7 @@ def screen(
 
     Notes
     -----
-    About 4 ms a rotor of 3000 localisations.
+    About 9 ms a rotor of 3000 localisations.
     """
     thresholds = options or ScreenOptions()
     for table, name, needed in (
