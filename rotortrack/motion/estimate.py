@@ -13,7 +13,13 @@ from scipy import special
 
 from rotortrack.motion.circular import MOST_ANGLES, CircularFit, angles_needed, fit_circular
 from rotortrack.motion.likelihood import NO_FIT, Fit
-from rotortrack.motion.linear import LinearFit, fit_increments, log_densities, unwrap
+from rotortrack.motion.linear import (
+    LinearFit,
+    fit_increments,
+    log_densities,
+    prediction_moves,
+    unwrap,
+)
 from rotortrack.motion.optimum import curvature_inverse
 from rotortrack.motion.posterior import Posterior, posterior, smooth_on_circle, smooth_on_line
 from rotortrack.motion.readings import (
@@ -25,7 +31,13 @@ from rotortrack.motion.readings import (
     noise_prior,
     readings,
 )
-from rotortrack.motion.residuals import UNTESTED, Whiteness, block_bootstrap, whiteness
+from rotortrack.motion.residuals import (
+    UNTESTED,
+    Whiteness,
+    block_bootstrap,
+    calibrated,
+    whiteness,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -159,7 +171,7 @@ def estimate_motion(
     white_p
         Probability of the residual tests below which intervals come from the block bootstrap.
     seed
-        Of the bootstrap.
+        Of the bootstrap and of the residual tests' calibration.
 
     Returns
     -------
@@ -192,14 +204,16 @@ def estimate_motion(
     fit = circular.fit if circular else linear.fit
     pace = _pace(fit)
     false = np.zeros(len(seen), np.bool_)
+    strayed, innovation, variance = unwrap(seen, timing, pace)
     if circular:
         false = circular.grid.false_readings(pace)
         deviation, ahead = circular.grid.residuals(pace)
         white = whiteness(deviation[1:][~false[1:]], ahead[1:][~false[1:]])
     else:
-        strayed, innovation, variance = unwrap(seen, timing, pace)
         ahead = seen.theta_rad - innovation
         white = whiteness((innovation / np.sqrt(variance))[1:], ahead[1:])
+    move, drift = prediction_moves(seen, timing, pace, variance)
+    white = calibrated(white, float(ahead[1]), move, drift, seed)
     uneven = white.p < white_p and fit.diffusion_rad2_s > 0.0
     if uneven:
         fit = _resample(fit, seen, timing, circular, seed)

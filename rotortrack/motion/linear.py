@@ -162,6 +162,23 @@ def unwrap(seen: Readings, timing: Timing, pace: Pace) -> tuple[Floats, Floats, 
     )
 
 
+def prediction_moves(
+    seen: Readings, timing: Timing, pace: Pace, variance: Floats
+) -> tuple[Floats, Floats]:
+    """Turn of the next prediction by each reading but the first: standard deviation and drift.
+
+    Parameters
+    ----------
+    variance
+        Of the deviations from the predictions, by `unwrap`.
+    """
+    step = timing.step_variance(pace.diffusion_rad2_s)
+    own = _extra(timing, pace.diffusion_rad2_s) + pace.noise_factor * seen.noise_rad2
+    shared = (variance - own)[1:] + 0.5 * step
+    apart = np.diff(seen.frame, append=seen.frame[-1] + 1)[1:]
+    return shared / np.sqrt(variance[1:]), pace.omega_rad_s * timing.frame_interval_s * apart
+
+
 def log_densities(seen: Readings, timing: Timing, pace: Pace) -> Floats:
     """Log density of each reading given those before it, 0 for the first."""
     _, innovation, variance = unwrap(seen, timing, pace)

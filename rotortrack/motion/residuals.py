@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,12 @@ _LAGS = 20
 _SLOW_WAVES = 16
 _HARMONICS = 4
 _LEAST_READINGS = 100
+_LEAST_VARIANCE = 1e-3
+_LEAST_P = 1e-300
+_SUSPECT_P = 0.1
+_SLOW_TURN_RAD = 8.0 * np.pi
+_NULL_SAMPLES = 64
+_NULL_STEPS = 500
 _BLOCKS = (40, 20, 10)
 _SAMPLES = 2000
 
@@ -34,7 +40,8 @@ class Whiteness:
         Ljung-Box test of 20 lags of the squares: restless and quiet times in turn, as in
         stick-slip.
     angle_p
-        Dependence on the direction, four harmonics: preferred poses, as on a washboard.
+        Dependence on the direction, four harmonics: preferred poses, as on a washboard. Of a rotor
+        that hardly leaves its place it is far too small before `calibrated`.
     """
 
     lag_p: float
@@ -70,20 +77,80 @@ def whiteness(deviation: Floats, ahead_rad: Floats) -> Whiteness:
         return Whiteness(1.0, 1.0, 1.0, 1.0)
     scores = (deviation - deviation.mean()) / deviation.std()
     power = np.abs(np.fft.rfft(scores)[1 : _SLOW_WAVES + 1]) ** 2 / scores.size
-    orders = np.arange(1, _HARMONICS + 1)[:, np.newaxis] * ahead_rad
-    waves = np.concatenate([np.cos(orders), np.sin(orders)])
-    waves -= waves.mean(axis=1, keepdims=True)
-    values, vectors = np.linalg.eigh(waves @ waves.T / scores.size)
-    # Directions that were not visited tell nothing.
-    visited = values > 1e-3
-    along = (vectors[:, visited].T @ (waves @ scores)) ** 2 / (values[visited] * scores.size)
     squares = scores**2
     return Whiteness(
         lag_p=_ljung_box(scores),
         slow_p=float(stats.chi2.sf(2.0 * power.sum(), 2 * _SLOW_WAVES)),
         spread_p=_ljung_box(squares - squares.mean()),
-        angle_p=float(stats.chi2.sf(along.sum(), np.count_nonzero(visited))),
+        angle_p=math.exp(float(_log_angle_p(scores, ahead_rad))),
     )
+
+
+def calibrated(
+    white: Whiteness, start_rad: float, move_rad: Floats, drift_rad: Floats, seed: int
+) -> Whiteness:
+    """Correct `angle_p` for a rotor that visits few directions, or few times.
+
+    A reading off its prediction moves the next prediction after it, so that deviations depend on
+    the directions around them also without a potential, the more the less the rotor turns: as in a
+    regression on a random walk. Rotors without one are drawn with the same moves, and the gamma
+    distribution of their -2 log(p) gives the probability. Moves are pooled into 500 steps, which
+    leaves the distribution as it is as long as the drift turns the rotor but little in one.
+
+    Parameters
+    ----------
+    white
+        As found by `whiteness`; given back where `angle_p` is not suspect, or where the drift
+        turns the rotor by four turns, since it is right then.
+    start_rad
+        First direction predicted.
+    move_rad
+        Standard deviation of the turn of the next prediction that each reading causes.
+    drift_rad
+        Drift from each reading to the next.
+    seed
+        Of the draws.
+
+    Notes
+    -----
+    Cost: 10 ms.
+    """
+    if white.angle_p > _SUSPECT_P or abs(drift_rad.sum()) > _SLOW_TURN_RAD:
+        return white
+    parts = np.linspace(0, move_rad.size, _NULL_STEPS, endpoint=False).astype(np.int64)
+    parts = np.unique(parts)
+    move = np.sqrt(np.add.reduceat(move_rad**2, parts))
+    drift = np.add.reduceat(drift_rad, parts)
+    scores = np.random.default_rng(seed).standard_normal((_NULL_SAMPLES, move.size))
+    scores -= scores.mean(axis=1, keepdims=True)
+    scores /= scores.std(axis=1, keepdims=True)
+    ahead = start_rad + np.cumsum(move * scores + drift, axis=1)
+    drawn = -2.0 * _log_angle_p(scores[:, 1:], ahead[:, :-1])
+    mean, variance = float(drawn.mean()), float(drawn.var(ddof=1))
+    if not variance > 0.0:
+        return white
+    found = -2.0 * math.log(max(white.angle_p, _LEAST_P))
+    angle_p = float(stats.gamma.sf(found, mean**2 / variance, scale=variance / mean))
+    return replace(white, angle_p=angle_p)
+
+
+def _log_angle_p(scores: Floats, ahead_rad: Floats) -> Floats:
+    """Log probability of scores that depend so much on directions, shape (..., n)."""
+    first = np.exp(1j * ahead_rad)
+    powers = [first]
+    for _ in range(_HARMONICS - 1):
+        powers.append(powers[-1] * first)
+    waves = np.stack([part for power in powers for part in (power.real, power.imag)], axis=-2)
+    waves -= waves.mean(axis=-1, keepdims=True)
+    n = scores.shape[-1]
+    values, vectors = np.linalg.eigh(waves @ np.swapaxes(waves, -1, -2) / n)
+    along = np.swapaxes(vectors, -1, -2) @ (waves @ scores[..., np.newaxis])
+    # Directions that were not visited tell nothing.
+    visited = values > _LEAST_VARIANCE
+    squares = np.where(visited, along[..., 0] ** 2 / (np.where(visited, values, 1.0) * n), 0.0)
+    p = stats.chi2.sf(squares.sum(axis=-1), np.maximum(visited.sum(axis=-1), 1))
+    log_p: Floats = np.log(np.maximum(p, _LEAST_P))
+    return log_p
 
 
 def _ljung_box(values: Floats) -> float:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rotortrack.motion.residuals import block_bootstrap, whiteness
+from rotortrack.motion.residuals import block_bootstrap, calibrated, whiteness
 
 
 def test_white_residuals_pass_as_often_as_they_should():
@@ -28,6 +28,45 @@ def test_each_unevenness_is_found_by_its_test(kind):
     found = whiteness(deviation, ahead)
     assert getattr(found, kind) < 1e-6
     assert found.p < 1e-5
+
+
+def followed(rng, n, move, drift=0.0, pull=0.0):
+    """Scores of a rotor that its predictions follow, as a filter of fixed gain does."""
+    scores, ahead = rng.normal(size=n), np.empty(n)
+    now = 0.0
+    for k in range(n):
+        ahead[k] = now
+        scores[k] -= pull * np.sin(3.0 * now)
+        now += move * scores[k] + drift
+    return scores - scores.mean(), ahead
+
+
+def calibrated_p(rng, n, move, drift=0.0, pull=0.0):
+    scores, ahead = followed(rng, n, move, drift, pull)
+    moves = np.full(n, move), np.full(n, drift)
+    white = whiteness(scores, ahead)
+    return white.angle_p, calibrated(white, ahead[0], *moves, seed=0).angle_p
+
+
+@pytest.mark.parametrize("move", [0.001, 0.02, 0.1])
+def test_directions_of_a_rotor_that_hardly_leaves_its_place_count_as_they_should(move):
+    rng = np.random.default_rng(7)
+    p = np.array([calibrated_p(rng, 1500, move) for _ in range(200)])
+    raw, told = (p < 0.05).mean(axis=0)
+    assert raw > 0.1
+    assert 0.005 < told < 0.1
+    assert (p[:, 1] < 1e-3).mean() <= 0.01
+
+
+def test_a_potential_is_found_although_the_rotor_hardly_leaves_its_place():
+    rng = np.random.default_rng(8)
+    p = [calibrated_p(rng, 3000, 0.1, pull=0.3)[1] for _ in range(20)]
+    assert np.max(p) < 1e-4
+
+
+def test_directions_of_a_rotor_that_turns_many_times_need_no_calibration():
+    raw, told = calibrated_p(np.random.default_rng(9), 1000, 0.1, drift=0.2, pull=0.3)
+    assert raw == told < 1e-3
 
 
 def test_few_readings_are_not_tested():
