@@ -31,6 +31,7 @@ _ARC_BINS = 72
 _EXACT = 1e-6
 _LEAST_SIGNAL = 0.35
 _LEAST_SIGNAL_OF_RING = 0.17
+_SIGNAL_OF_POLES = 0.6
 _ROUND, _LONG = 1.2, 1.4
 _MIN_FOR_OUTLIERS = 10
 
@@ -240,11 +241,13 @@ def _judge(
     if by_distances and arc_deg > RING_ARC_DEG and residual_sd > _EXACT * radius:
         ring = fit_ring(u, v, circle)
     if residual_sd > 0.25 * radius:
-        # A short arc under much noise is an elongated spot with the moments of a weak ring.
+        # A short arc under much noise is an elongated spot with the moments of a weak ring; two
+        # poles are elongated, too, but their distances are those of a clear one.
         elongation = _elongation(u, v)
         weak = ring is not None and elongation < _ROUND
         least = _LEAST_SIGNAL_OF_RING if weak else _LEAST_SIGNAL
-        if elongation > _LONG or not _is_ring(distance, least):
+        stretched = elongation > _LONG and not _is_ring(distance, _SIGNAL_OF_POLES)
+        if stretched or not _is_ring(distance, least):
             return _failed(x, y, CircleEnd.NOT_A_RING, arc_deg)
     covariance = np.full((3, 3), np.nan)
     if ring is not None:

@@ -111,7 +111,7 @@ def test_diffusion_is_known_to_5_percent_where_the_covariance_based_estimator_ha
 def test_no_stuck_rotor_is_reported_as_driven(sigma, missing, gap_mode):
     rng = np.random.default_rng(22)
     found = Counter(
-        measure(diffusing(rng, 2000, 0.0, 0.0, sigma, missing), gap_mode).behaviour
+        measure(diffusing(rng, 2000, 0.0, 0.0, sigma, missing), gap_mode).behaviour.name
         for _ in range(REPEATS)
     )
     assert found["driven_ccw"] + found["driven_cw"] == 0
@@ -127,7 +127,7 @@ def test_no_stuck_rotor_is_reported_as_driven(sigma, missing, gap_mode):
 def test_no_toggling_rotor_is_reported_as_driven(swing_deg, rate):
     rng = np.random.default_rng(23)
     found = Counter(
-        measure(toggling(rng, 3000, rate, np.deg2rad(swing_deg), 0.1)).behaviour
+        measure(toggling(rng, 3000, rate, np.deg2rad(swing_deg), 0.1)).behaviour.name
         for _ in range(REPEATS // 2)
     )
     assert found["driven_ccw"] + found["driven_cw"] == 0
@@ -139,13 +139,13 @@ def test_a_stuck_spot_inside_its_own_circle_is_not_driven_nor_called_brownian():
     for _ in range(50):
         x, y = rng.normal(0.0, [[1.0], [0.6]], (2, 2000))
         track = seen(x, y, np.arange(2000), 1.0, Circle(0.2, -0.1, 1.0))
-        assert measure(track).behaviour == "unclassified"
+        assert measure(track).behaviour.name == "unclassified"
 
 
 @pytest.mark.parametrize("diffusion", [0.5, 10.0, 60.0])
 def test_brownian_rotors_are_named_so(diffusion):
     rng = np.random.default_rng(25)
     found = Counter(
-        measure(diffusing(rng, 2000, 0.0, diffusion, 0.2, 0.0)).behaviour for _ in range(100)
+        measure(diffusing(rng, 2000, 0.0, diffusion, 0.2, 0.0)).behaviour.name for _ in range(100)
     )
     assert found["brownian"] >= 98
