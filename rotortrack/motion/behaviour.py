@@ -42,8 +42,9 @@ UNDRIVEN_P = 0.01
 """p of no drift below which a rotor is not called Brownian."""
 UNLIKELY = 3.0
 """A_n over its Brownian expectation that diffusion alone exceeds with a probability of 1e-4."""
-CONFINED = 9.0
-"""Least exponent of the chance, exp(-9), that diffusion alone stays within the range."""
+CONFINED = 15.0
+"""Least exponent of the chance, exp(-15), that diffusion alone stays within the range; so small
+because D at short times is itself uncertain."""
 SURE_Z = 3.0
 """Standard deviations by which both speeds about a switch of direction differ from zero."""
 
@@ -89,10 +90,10 @@ def classify(
 
     In this order:
 
-    - driven_ccw, driven_cw: the speed differs from zero by `driven_z` standard deviations and turns
-      the rotor by more than `stuck_turn_deg` in the movie; switching, if it reverses.
     - toggling: two dwell places 180 +- 30 degrees apart, visited in turn and more than diffusion
       explains (`UNLIKELY`), with hardly any time in between.
+    - driven_ccw, driven_cw: the speed differs from zero by `driven_z` standard deviations and turns
+      the rotor by more than `stuck_turn_deg` in the movie; switching, if it reverses.
     - stuck: neither drift nor diffusion at the upper end of its interval turn it so far.
     - confined: it moves, but stays at one place within less than a turn although diffusion at short
       times would have taken it farther (`CONFINED`): its mean-square displacement levels off.
@@ -126,7 +127,7 @@ def classify(
     places = dwell_places(theta_rad)
     told = _Told(estimate, frame, theta_rad, switches, once, places, frame_interval_s, options)
     tried = []
-    for rule in (_driven, _toggling, _stuck, _confined, _switching, _brownian):
+    for rule in (_toggling, _driven, _stuck, _confined, _switching, _brownian):
         found = rule(told)
         if found.margin > 1.0:
             return replace(found, margin=float(found.margin))
