@@ -22,6 +22,7 @@ from rotortrack.rotors.circle import CircleEnd
 from rotortrack.rotors.fragments import find_fragments
 from rotortrack.rotors.per_frame import is_duplicate
 from rotortrack.rotors.ring import ring_evidence
+from rotortrack.rotors.two_rings import two_rings
 from rotortrack.tables import DECISIONS, ROTORS, conform
 
 MARGIN_IN_WIDTHS = 5.0
@@ -237,6 +238,13 @@ def _tests(rotor: dict[Hashable, Any], film: _Film, limits: ScreenOptions) -> It
     centre = film.centres.get(number)
     motion = math.nan if centre is None else centre.wander_nm / rotor["radius_nm"]
     yield _at_most("centre_motion", motion, limits, "max_centre_motion", Reason.CENTRE_MOVES)
+    # A centre that slides draws several rings, so it is asked first.
+    circle = (rotor["x_nm"], rotor["y_nm"], rotor["radius_nm"])
+    second = math.nan
+    if not math.isnan(circle[2]):
+        x, y = (once[name].to_numpy(dtype=np.float64) for name in ("x_nm", "y_nm"))
+        second = two_rings(x, y, circle)
+    yield _at_most("two_rings", second, limits, "max_two_rings", Reason.SEVERAL_ROTORS)
     gap, margin = film.gaps_nm[number], film.margin_nm
     close = Reason.NEIGHBOURS_TOO_CLOSE.value
     name = "neighbour_margin_nm"
@@ -288,9 +296,9 @@ def _circle_tests(
     yield _at_least("ring_evidence", evidence, limits, "min_ring_evidence", blob)
     arc = 0.0 if too_short else rotor.get("arc_deg", math.nan)
     yield _at_least("arc_deg", arc, limits, "min_arc_deg", Reason.PARTIAL_ARC)
-    # No circle: an infinite error fails where nan, "not known", would pass.
     radius = rotor["radius_nm"]
     no_circle = math.isnan(radius)
+    # No circle: an infinite error fails where nan, "not known", would pass.
     error = math.inf if no_circle else rotor.get("radius_sd_nm", math.nan) / radius
     yield _at_most("radius_error", error, limits, "max_radius_error", Reason.NO_CIRCLE)
     yield _at_most("residual", residual / noise, limits, "max_residual", Reason.NO_CIRCLE)

@@ -44,6 +44,9 @@ class ScreenOptions(Options):
         4.0, "scatter about the circle over the localisation uncertainty", gt=0
     )
     max_radius_error: float = option(0.2, "standard deviation of the radius over the radius", gt=0)
+    max_two_rings: float = option(
+        6.0, "difference of information criteria from which on two rings are seen", ge=0
+    )
     max_centre_motion: float = option(
         0.15, "rms motion of the circle's centre per axis over the radius", gt=0
     )

@@ -51,8 +51,8 @@ _SENTENCES = {
         "It is a piece of a rotor whose other pieces are clusters of their own: raise distance_nm."
     ),
     Reason.SEVERAL_ROTORS: (
-        "Its intensity rises or falls in a step, or it is often seen twice in a frame: more than "
-        "one rotor is in the pore."
+        "Its intensity rises or falls in a step, it is often seen twice in a frame, or it traces "
+        "two rings: more than one rotor is in the pore."
     ),
     Reason.IMMOBILE: "Its positions scatter about a point, not about a ring: it does not move.",
     Reason.PARTIAL_ARC: "It visits too short an arc to determine its circle.",

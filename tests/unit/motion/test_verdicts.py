@@ -65,6 +65,7 @@ THRESHOLDS = {
     "min_ring_evidence": st.floats(0.0, 2000.0),
     "min_arc_deg": st.floats(0.0, 360.0),
     "max_residual": st.floats(0.5, 5.0),
+    "max_two_rings": st.floats(0.0, 100.0),
     "max_radius_error": st.floats(1e-4, 1.0),
     "max_centre_motion": st.floats(1e-3, 1.0),
     "neighbour_margin_nm": st.none() | st.floats(0.0, 900.0),
