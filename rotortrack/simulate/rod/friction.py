@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from rotortrack.kernels import kernel
 from rotortrack.simulate.rod.parameters import (
+    EDGE_NM,
     END_WEIGHT,
     FRICTION_LENGTH_NM,
     ZETA_PAR_PER_NM,
     ZETA_PERP_PER_NM,
 )
+
+_COINCIDENT = 1e-9
 
 
 @kernel
@@ -26,8 +29,8 @@ def drag_frames(
     """Write tangent and friction of each vertex.
 
     The tangent is the secant between the neighbours, at the ends the edge. Where the neighbours
-    coincide it is the next edge's direction, and zero, with friction across in all directions, if
-    that has no length either.
+    coincide (within 1e-9 of a segment) it is the next edge's direction, and zero, with friction
+    across in all directions, if that has no length either.
 
     Parameters
     ----------
@@ -45,13 +48,14 @@ def drag_frames(
     About 0.5 us for 51 vertices.
     """
     n = x.shape[0]
+    least = _COINCIDENT * rod[EDGE_NM]
     across = rod[ZETA_PERP_PER_NM] * rod[FRICTION_LENGTH_NM]
     along = rod[ZETA_PAR_PER_NM] * rod[FRICTION_LENGTH_NM]
     for i in range(n):
         below = max(i - 1, 0)
         above = min(i + 1, n - 1)
-        if not _write_direction(x, below, above, tangent, i) and below < i < above:
-            _write_direction(x, i, above, tangent, i)
+        if not _write_direction(x, below, above, least, tangent, i):
+            _write_direction(x, i, above, least, tangent, i)
         zeta[i, 0] = across
         zeta[i, 1] = along
     for i in (0, n - 1):
@@ -61,16 +65,20 @@ def drag_frames(
 
 @kernel
 def _write_direction(
-    x: NDArray[np.float64], start: int, stop: int, tangent: NDArray[np.float64], i: int
+    x: NDArray[np.float64],
+    start: int,
+    stop: int,
+    least: float,
+    tangent: NDArray[np.float64],
+    i: int,
 ) -> bool:
     """Write the unit vector from vertex start to stop; zero and False where they coincide."""
     dx = x[stop, 0] - x[start, 0]
     dy = x[stop, 1] - x[start, 1]
     dz = x[stop, 2] - x[start, 2]
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    # One division serves all components; a zero vector stays zero.
-    inverse = 1.0 / length if length > 0.0 else 0.0
+    inverse = 1.0 / length if length > least else 0.0
     tangent[i, 0] = dx * inverse
     tangent[i, 1] = dy * inverse
     tangent[i, 2] = dz * inverse
-    return length > 0.0
+    return length > least
