@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from rotortrack.errors import RodError
+from rotortrack.simulate.rod.forces import total_force
 from rotortrack.simulate.rod.friction import drag_frames
 from rotortrack.simulate.rod.options import RodOptions
 from rotortrack.simulate.rod.parameters import rod_parameters
 
 
-def frames(x, **options):
+def frames(x, pore=None, **options):
     tangent, zeta = np.empty((len(x), 3)), np.empty((len(x), 2))
-    drag_frames(x, rod_parameters(RodOptions(n_vertices=len(x), **options), None), tangent, zeta)
+    drag_frames(x, rod_parameters(RodOptions(n_vertices=len(x), **options), pore), tangent, zeta)
     return tangent, zeta
 
 
@@ -57,3 +58,55 @@ def test_slender_body_friction_of_an_8_nm_bundle_is_four_fifths_of_pi(wavy):
 def test_a_stubby_rod_is_no_slender_body():
     with pytest.raises(RodError, match="friction = 'resistive'"):
         rod_parameters(RodOptions(length_nm=15.0, friction="slender_body"), None)
+
+
+def beside(height_nm):
+    """A rod parallel to the membrane, far from the pore, its axis this far above the face."""
+    x = np.zeros((51, 3))
+    x[:, 0] = 9.0 * np.arange(51)
+    x[:, 1] = 200.0
+    x[:, 2] = 10.0 + height_nm
+    return x
+
+
+@pytest.mark.parametrize("height_nm", [3.0, 6.0, 20.0, 100.0])
+def test_beside_the_membrane_friction_is_that_of_a_cylinder_near_a_wall(pore, height_nm):
+    zeta = frames(beside(height_nm), pore, wall_drag="cylinder", friction="slender_body")[1]
+    # 4 pi eta L / arcosh(h/b): b = 4 nm, half a nanometre of water in contact at 3 nm
+    axis_nm = 4.0 + 0.5 + height_nm - 3.0
+    exact = 4 * math.pi * 1e-3 * 450.0 / math.acosh(axis_nm / 4.0)
+    np.testing.assert_allclose(zeta.sum(axis=0), [exact, exact / 2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("friction", ["resistive", "slender_body"])
+def test_far_from_the_membrane_the_wall_does_not_matter(pore, friction):
+    x = beside(1000.0)
+    far = frames(x, pore, wall_drag="cylinder", friction=friction)[1]
+    np.testing.assert_array_equal(far, frames(x, pore, friction=friction)[1])
+
+
+def test_friction_falls_with_the_distance_and_never_below_the_free_rods(pore):
+    sums = [
+        frames(beside(height), pore, wall_drag="cylinder")[1][:, 0].sum()
+        for height in (-2.0, 0.0, 3.0, 3.5, 5.0, 10.0, 50.0, 200.0, 250.0, 400.0)
+    ]
+    assert np.all(np.diff(sums) <= 0.0)
+    assert sums[0] == sums[2]  # pressed into the wall it is held by the layer of water
+    assert sums[-1] == pytest.approx(math.pi * 1e-3 * 450.0)
+
+
+def test_the_walls_friction_leaves_the_forces_alone(pore, linear_table, wavy):
+    table = linear_table(u_z=(1.0, 0.0, 0.0), e_applied_z=(1e6, 0.0, 0.0))
+    x = wavy + np.array([0.0, 3.0, 13.0])
+    forces = []
+    for wall_drag in ("none", "cylinder"):
+        forces.append(np.empty_like(x))
+        rod = rod_parameters(RodOptions(wall_drag=wall_drag), pore)
+        total_force(x, rod, *table, forces[-1])
+    np.testing.assert_array_equal(*forces)
+
+
+def test_without_a_membrane_there_is_no_wall_to_slow_the_rod(wavy):
+    np.testing.assert_array_equal(
+        frames(wavy, wall_drag="cylinder")[1], frames(wavy, wall_drag="none")[1]
+    )
