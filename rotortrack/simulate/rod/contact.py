@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from rotortrack.kernels import kernel
 from rotortrack.simulate.rod.leash import add_leash_hessian
 from rotortrack.simulate.rod.parameters import (
+    EDGE_NM,
     HALF_MEMBRANE_NM,
     PORE_RADIUS_NM,
     RIM_NM,
@@ -68,7 +69,7 @@ def add_contact_force(
 
     Notes
     -----
-    At most 4 us for 51 vertices, when all of them touch; 0.2 us when none does.
+    1.5 us for 51 vertices that all touch, 2 us for a docked rod.
     """
     kind = rod[WALL]
     if kind == 0.0:
@@ -78,6 +79,12 @@ def add_contact_force(
     if kind == 3.0:
         push = np.empty((POINTS, 6))
         for i in range(n - 1):
+            side = _face(x, i, rod)
+            if side != 0.0:
+                low, high, _, _ = _press_face(side * x[i, 2], side * x[i + 1, 2], rod)
+                force[i, 2] += side * low
+                force[i + 1, 2] += side * high
+                continue
             if not _touch_segment(x, i, rod, push):
                 continue
             for j in range(POINTS):
@@ -144,6 +151,12 @@ def add_contact_hessian(
     if kind == 3.0:
         push = np.empty((POINTS, 6))
         for i in range(n - 1):
+            side = _face(x, i, rod)
+            if side != 0.0:
+                _, _, low, high = _press_face(side * x[i, 2], side * x[i + 1, 2], rod)
+                blocks[i, 2, 2] += low
+                blocks[i + 1, 2, 2] += high
+                continue
             if not _touch_segment(x, i, rod, push):
                 continue
             for j in range(POINTS):
@@ -181,6 +194,45 @@ def _touch(
     scale = along_r / r
     depth = max(rod[ROD_RADIUS_NM] - distance, 0.0)
     return depth, scale * x, scale * y, along_z, max(-scale, 0.0)
+
+
+@kernel
+def _face(x: NDArray[np.float64], i: int, rod: NDArray[np.float64]) -> float:
+    """Give the side, 1 or -1, of a segment that can touch nothing but a flat face, otherwise 0."""
+    half = rod[HALF_MEMBRANE_NM]
+    clear = rod[PORE_RADIUS_NM] + rod[RIM_NM] + rod[EDGE_NM]
+    for j in range(i, i + 2):
+        if x[j, 0] * x[j, 0] + x[j, 1] * x[j, 1] < clear * clear:
+            return 0.0
+    if min(x[i, 2], x[i + 1, 2]) >= half:
+        return 1.0
+    return -1.0 if max(x[i, 2], x[i + 1, 2]) <= -half else 0.0
+
+
+@kernel
+def _press_face(
+    low_nm: float, high_nm: float, rod: NDArray[np.float64]
+) -> tuple[float, float, float, float]:
+    """Give push and stiffness of both ends of a segment at these heights, as `_touch_segment`."""
+    low = rod[HALF_MEMBRANE_NM] + rod[ROD_RADIUS_NM] - low_nm
+    high = rod[HALF_MEMBRANE_NM] + rod[ROD_RADIUS_NM] - high_nm
+    deepest = max(low, high)
+    if deepest <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    inverse = 1.0 / deepest
+    mean = 0.0
+    push_low = push_high = stiff_low = stiff_high = 0.0
+    for j in range(POINTS):
+        share = j / (POINTS - 1.0)
+        depth = max(low + share * (high - low), 0.0)
+        weight = (depth * inverse) ** 2
+        mean += weight * weight / POINTS
+        stiff_low += (1.0 - share) * weight
+        stiff_high += share * weight
+        push_low += (1.0 - share) * weight * depth
+        push_high += share * weight * depth
+    scale = rod[WALL_STIFFNESS_PN_NM] / (math.sqrt(mean) * POINTS)
+    return scale * push_low, scale * push_high, scale * stiff_low, scale * stiff_high
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -202,3 +203,31 @@ def test_hessian_of_a_vertex_in_the_lumen_is_exact(pore):
             moved[0, j] += step
             sides.append(contact_force(moved, rod)[0])
         np.testing.assert_allclose(blocks[0, j], -(sides[0] - sides[1]) / 2e-5, atol=1e-6)
+
+
+def plain_energy(x, rod):
+    """Fourth power mean of five penetrations a segment, one segment after another."""
+    total = 0.0
+    for low, high in itertools.pairwise(x):
+        depths = []
+        for share in np.linspace(0.0, 1.0, 5):
+            px, py, pz = (1 - share) * low + share * high
+            depths.append(max(3.0 - wall_distance(math.hypot(px, py), pz, rod)[0], 0.0))
+        total += 0.5 * 5.0 * math.sqrt(np.mean(np.array(depths) ** 4))
+    return total
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([-12.0, 12.0]))
+def test_contact_is_that_of_the_plain_power_mean_near_faces_and_hole(seed, height_nm):
+    class Pore:
+        pore_radius_nm, membrane_nm, rim_radius_nm = 25.0, 20.0, 1.0
+
+    rng = np.random.default_rng(seed)
+    rod = rod_parameters(RodOptions(n_vertices=11, length_nm=90.0), Pore())
+    x = np.cumsum(rng.normal([7.0, 0.0, 0.0], [2.0, 2.0, 1.5], (11, 3)), axis=0)
+    x += [rng.uniform(-60.0, 20.0), rng.uniform(-20.0, 20.0), height_nm]
+    assert contact_energy(x, rod) == pytest.approx(plain_energy(x, rod), rel=1e-9, abs=1e-12)
+    step = rng.normal(size=x.shape)
+    slope = (plain_energy(x + 1e-5 * step, rod) - plain_energy(x - 1e-5 * step, rod)) / 2e-5
+    size = np.abs(contact_force(x, rod)).sum() + 1.0
+    assert -np.sum(contact_force(x, rod) * step) == pytest.approx(slope, abs=1e-4 * size)
