@@ -69,11 +69,11 @@ def add_bending_force(
         bx = x[i + 1, 0] - x[i, 0]
         by = x[i + 1, 1] - x[i, 1]
         bz = x[i + 1, 2] - x[i, 2]
-        sum_ = edge2 + ax * bx + ay * by + az * bz
-        if sum_ < _SHARPEST * edge2:
+        weight = edge2 + ax * bx + ay * by + az * bz
+        if weight < _SHARPEST * edge2:
             folded = i
-            sum_ = max(sum_, _FLOOR * edge2)
-        inverse = 1.0 / sum_
+            weight = max(weight, _FLOOR * edge2)
+        inverse = 1.0 / weight
         kx = 2.0 * inverse * (ay * bz - az * by)
         ky = 2.0 * inverse * (az * bx - ax * bz)
         kz = 2.0 * inverse * (ax * by - ay * bx)
@@ -113,11 +113,11 @@ def bending_energy(x: NDArray[np.float64], rod: NDArray[np.float64]) -> float:
         bx = x[i + 1, 0] - x[i, 0]
         by = x[i + 1, 1] - x[i, 1]
         bz = x[i + 1, 2] - x[i, 2]
-        sum_ = max(edge2 + ax * bx + ay * by + az * bz, _FLOOR * edge2)
+        weight = max(edge2 + ax * bx + ay * by + az * bz, _FLOOR * edge2)
         kx = ay * bz - az * by
         ky = az * bx - ax * bz
         kz = ax * by - ay * bx
-        total += 4.0 * (kx * kx + ky * ky + kz * kz) / (sum_ * sum_)
+        total += 4.0 * (kx * kx + ky * ky + kz * kz) / (weight * weight)
     scale: float = 0.5 * rod[BENDING_PN_NM2] / rod[EDGE_NM]
     return scale * total
 
