@@ -42,5 +42,5 @@ class FieldOptions(Options):
         2.03e-9, "diffusion coefficient of the anion, Cl-, m^2/s", gt=0
     )
     accuracy: Literal["fast", "default", "careful"] = option(
-        "default", "fineness of the mesh: about 0.5, 0.2 or 0.05 % in the flow"
+        "default", "fineness of the mesh: about 0.2, 0.05 or 0.03 % in the flow"
     )

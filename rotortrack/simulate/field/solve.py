@@ -18,9 +18,9 @@ from rotortrack.simulate.field.space import Array, Space, quads_of
 from rotortrack.simulate.field.stokes import Stokes
 
 GRADINGS: Final = {
-    "fast": (Grading(1.4, 2.0), Grading(0.7, 1.7)),
-    "default": (Grading(0.7, 1.7), Grading(0.35, 1.4)),
-    "careful": (Grading(0.2, 1.3), Grading(0.1, 1.25)),
+    "fast": (Grading(0.7, 1.7), Grading(0.35, 1.7)),
+    "default": (Grading(0.2, 1.4), Grading(0.1, 1.4)),
+    "careful": (Grading(0.1, 1.25), Grading(0.05, 1.25)),
 }
 """The coarse and the fine mesh of each accuracy."""
 
