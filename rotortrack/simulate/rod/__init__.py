@@ -1,0 +1,1 @@
+"""The elastic rod: forces, steps, ends and what is seen of it."""
