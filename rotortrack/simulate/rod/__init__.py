@@ -1,1 +1,0 @@
-"""The elastic rod: forces, steps, ends and what is seen of it."""
