@@ -26,7 +26,7 @@ from rotortrack.simulate.rod.banded import HALF_BAND, WIDTH, factor, solve
 from rotortrack.simulate.rod.contact import add_contact_hessian
 from rotortrack.simulate.rod.forces import total_force
 from rotortrack.simulate.rod.friction import drag_frames
-from rotortrack.simulate.rod.parameters import BENDING_PN_NM2, EDGE_NM
+from rotortrack.simulate.rod.parameters import BENDING_PN_NM2, BENDING_READING, EDGE_NM
 from rotortrack.simulate.rod.projection import link_directions, project_lengths
 
 
@@ -116,6 +116,8 @@ def _assemble(
             room.values[4 * i + c] = shape.force[i, c]
     edge = rod[EDGE_NM]
     bending = theta * rod[BENDING_PN_NM2] / edge**3
+    if rod[BENDING_READING] > 0.0:
+        bending *= 2.0
     for i in range(1, n - 1):
         cosine = 0.0
         for c in range(3):
