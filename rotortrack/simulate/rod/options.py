@@ -84,9 +84,7 @@ class RodOptions(Options):
         "middle", "vertex from which the tether starts"
     )
     leash_length_nm: float = option(50.0, "contour length of the tether, nm", gt=0)
-    leash_persistence_nm: float = option(
-        50.0, "persistence length of a worm-like tether, nm", gt=0
-    )
+    leash_persistence_nm: float = option(50.0, "persistence length of a worm-like tether, nm", gt=0)
     leash_stiffness_pn_nm: float = option(
         1.0, "stiffness of a harmonic tether beyond its length, pN/nm", ge=0
     )
@@ -141,7 +139,10 @@ class ThermalOptions(Options):
     seed: int = option(0, "seed of the noise", ge=0)
     step_us: float = option(1e-4, "step with noise, us (above 2e-4 the shape is mis-sampled)", gt=0)
     theta: float = option(
-        0.5, "implicit part of the bending force (0.5: exact variances of bending modes)", ge=0, le=1
+        0.5,
+        "implicit part of the bending force (0.5: exact variances of bending modes)",
+        ge=0,
+        le=1,
     )
 
 

@@ -22,11 +22,11 @@ BARE_LINE_CHARGE_C_M = 12 * 1.602176634e-19 / 0.34e-9
 
 # Positions in the vector.
 BENDING_PN_NM2 = 0
-"""Stiffness B = Lp kT."""
+"""Stiffness B that the force shows: Lp kT, or twice that in the printed readings."""
 EDGE_NM = 1
 """Length l of a segment."""
-BENDING_READING = 2
-"""0 energy, 1 doubled, 2 printed."""
+BENDING_SIGN = 2
+"""Sign of the term kb e^T in the gradient of kb_i at vertex i + 1: -1, printed +1."""
 ZETA_PERP_PER_NM = 3
 """Friction across a length of the rod, pN us/nm^2."""
 ZETA_PAR_PER_NM = 4
@@ -63,7 +63,6 @@ LEASH_PN = 21
 PARAMETERS = 22
 """Length of the vector."""
 
-_BENDING = {"energy": 0.0, "doubled": 1.0, "printed": 2.0}
 _LEASH = {"none": 0.0, "harmonic": 1.0, "worm_like": 2.0}
 
 
@@ -107,9 +106,10 @@ def rod_parameters(rod: RodOptions, pore: Pore | None) -> NDArray[np.float64]:
     values = np.zeros(PARAMETERS)
     edge_nm = rod.length_nm / (rod.n_vertices - 1)
     energy_pn_nm = BOLTZMANN_PN_NM_K * rod.temperature_k
-    values[BENDING_PN_NM2] = rod.persistence_length_nm * energy_pn_nm
+    doubling = 1.0 if rod.bending == "energy" else 2.0
+    values[BENDING_PN_NM2] = doubling * rod.persistence_length_nm * energy_pn_nm
     values[EDGE_NM] = edge_nm
-    values[BENDING_READING] = _BENDING[rod.bending]
+    values[BENDING_SIGN] = 1.0 if rod.bending == "printed" else -1.0
     values[ZETA_PERP_PER_NM] = friction_prefactor(rod) * rod.viscosity_mpa_s * 1e-3
     values[ZETA_PAR_PER_NM] = values[ZETA_PERP_PER_NM] / 2.0
     values[FRICTION_LENGTH_NM] = rod.friction_length_nm or edge_nm
@@ -135,9 +135,11 @@ def rod_parameters(rod: RodOptions, pore: Pore | None) -> NDArray[np.float64]:
             f"{pore.pore_radius_nm:g} nm: give a thinner rod or a wider pore"
         )
     values[LEASH] = _LEASH[rod.leash]
-    values[LEASH_AT] = {"first": 0, "middle": (rod.n_vertices - 1) // 2, "last": rod.n_vertices - 1}[
-        rod.leash_at
-    ]
+    values[LEASH_AT] = {
+        "first": 0,
+        "middle": (rod.n_vertices - 1) // 2,
+        "last": rod.n_vertices - 1,
+    }[rod.leash_at]
     values[LEASH_LENGTH_NM] = rod.leash_length_nm
     values[LEASH_PN_NM] = rod.leash_stiffness_pn_nm
     values[LEASH_PN] = energy_pn_nm / rod.leash_persistence_nm
@@ -145,13 +147,18 @@ def rod_parameters(rod: RodOptions, pore: Pore | None) -> NDArray[np.float64]:
 
 
 def friction_prefactor(rod: RodOptions) -> float:
-    """Give the friction across the rod per length and viscosity, pi in the paper's Note 2."""
+    """Give the friction across the rod per length and viscosity, pi in the paper's Note 2.
+
+    Raises
+    ------
+    RodError
+        The rod is too short for slender-body friction.
+    """
     if rod.friction == "resistive":
         return rod.friction_prefactor
-    slenderness = math.log(rod.length_nm / rod.bundle_diameter_nm) + 0.84
     if rod.length_nm < 2.0 * rod.bundle_diameter_nm:
         raise RodError(
             f"bundle_diameter_nm {rod.bundle_diameter_nm:g} is no slender body at length_nm "
             f"{rod.length_nm:g}: give friction = 'resistive' or a longer rod"
         )
-    return 4.0 * math.pi / slenderness
+    return 4.0 * math.pi / (math.log(rod.length_nm / rod.bundle_diameter_nm) + 0.84)
