@@ -1,5 +1,7 @@
 """Rods under loads that no scene has: the implicit step driven from Python, for exact answers."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from rotortrack.simulate.rod.forces import NO_NODES
@@ -51,3 +53,70 @@ def relax(x, rod, load, *, held=(), guided=(), dt_us=1.0, steps=1):
         keep_tensions(room)
         x[:] = moved
     return x, room.values[3 : 4 * len(x) - 1 : 4].copy()
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field and the membrane that it belongs to, as a run wants them."""
+
+    r_nm: np.ndarray
+    z_nm: np.ndarray
+    nodes: np.ndarray
+    pore_radius_nm: float = 25.0
+    membrane_nm: float = 20.0
+    rim_radius_nm: float = 0.0
+    voltage_v: float = 0.1
+    current_error_rel: float = 0.0
+    flow_error_rel: float = 0.0
+    options: dict = field(default_factory=dict)
+
+
+def tabulated(r_nm, z_nm, **quantities):
+    """A field whose quantities are functions of (r, z), with nodes of value and slopes."""
+    names = ["e_applied_r", "e_applied_z", "e_equilibrium_r", "e_equilibrium_z"]
+    names += ["u_r", "u_z", "lnc_r", "lnc_z"]
+    r, z = np.meshgrid(r_nm, z_nm, indexing="ij")
+    nodes = np.zeros((len(r_nm), len(z_nm), 8, 4))
+    h = 1e-3
+    for name, f in quantities.items():
+        q = names.index(name)
+        nodes[:, :, q, 0] = f(r, z)
+        nodes[:, :, q, 1] = (f(r + h, z) - f(r - h, z)) / (2 * h)
+        nodes[:, :, q, 2] = (f(r, z + h) - f(r, z - h)) / (2 * h)
+        nodes[:, :, q, 3] = (
+            f(r + h, z + h) - f(r - h, z + h) - f(r + h, z - h) + f(r - h, z - h)
+        ) / (4 * h * h)
+    return Field(np.asarray(r_nm), np.asarray(z_nm), nodes)
+
+
+def uniform_field(e_z_v_m=0.0, u_z_nm_us=0.0):
+    """The same field and flow along z everywhere."""
+    return tabulated(
+        np.linspace(0.0, 600.0, 13),
+        np.linspace(-600.0, 600.0, 25),
+        e_applied_z=lambda r, _: 0.0 * r + e_z_v_m,
+        u_z=lambda r, _: 0.0 * r + u_z_nm_us,
+    )
+
+
+def toy_field(strength=1.0, slip=1.0):
+    """Something like a pore's field in closed form: it draws a rod in, a flow holds it off."""
+
+    def spread(r, z):
+        return 625.0 / (r * r + z * z + 625.0) ** 1.5 * 1e6 * strength
+
+    def rise(r, z):
+        return np.sqrt(z * z + 25.0)
+
+    def held(z):
+        return 20.63e-6 * slip * (1.0 - np.exp(-np.sqrt((z - 10.0) ** 2 + 1.0)))
+
+    near = np.concatenate([np.arange(0.0, 50.0, 2.0), np.arange(50.0, 400.0, 10.0)])
+    return tabulated(
+        near,
+        np.concatenate([-near[:0:-1], near]),
+        e_applied_r=lambda r, z: spread(r, z) * r,
+        e_applied_z=lambda r, z: spread(r, z) * rise(r, z),
+        u_r=lambda r, z: spread(r, z) * r * held(z),
+        u_z=lambda r, z: spread(r, z) * rise(r, z) * held(z),
+    )
