@@ -22,6 +22,11 @@ def straight(n=51, length_nm=450.0, direction=(1.0, 0.0, 0.0)):
     return s * (np.asarray(direction) / np.linalg.norm(direction))
 
 
+def at(x, *place_nm):
+    """The same shape elsewhere."""
+    return x + np.array(place_nm)
+
+
 def arc(n=51, edge_nm=9.0, radius_nm=150.0):
     angle = np.arange(n) * 2.0 * np.arcsin(edge_nm / (2.0 * radius_nm))
     x = radius_nm * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
@@ -105,7 +110,7 @@ def toy_field(strength=1.0, slip=1.0):
     def spread(r, z):
         return 625.0 / (r * r + z * z + 625.0) ** 1.5 * 1e6 * strength
 
-    def rise(r, z):
+    def rise(z):
         return np.sqrt(z * z + 25.0)
 
     def held(z):
@@ -116,7 +121,7 @@ def toy_field(strength=1.0, slip=1.0):
         near,
         np.concatenate([-near[:0:-1], near]),
         e_applied_r=lambda r, z: spread(r, z) * r,
-        e_applied_z=lambda r, z: spread(r, z) * rise(r, z),
+        e_applied_z=lambda r, z: spread(r, z) * rise(z),
         u_r=lambda r, z: spread(r, z) * r * held(z),
-        u_z=lambda r, z: spread(r, z) * rise(r, z) * held(z),
+        u_z=lambda r, z: spread(r, z) * rise(z) * held(z),
     )

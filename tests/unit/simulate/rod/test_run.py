@@ -61,9 +61,7 @@ def dock(duration_us=20.0, field=None, rod=None, **start):
     rod = rod or RodOptions()
     options = StartOptions(**{"offset_x_nm": 40.0, "offset_y_nm": 8.0, **start})
     stepping = SteppingOptions(duration_us=duration_us, sample_us=1.0)
-    return run_rod(
-        rod, stepping, place_rod(rod, options, membrane_nm=20.0), field or toy_field()
-    )
+    return run_rod(rod, stepping, place_rod(rod, options, membrane_nm=20.0), field or toy_field())
 
 
 @pytest.fixture(scope="module")
