@@ -64,6 +64,14 @@ class RodOptions(Options):
     end_weight: Literal["half", "full"] = option(
         "half", "friction of the two end vertices: half a segment's, or a whole one's"
     )
+    wall_drag: Literal["none", "cylinder"] = option(
+        "none",
+        "friction of motion beside the membrane: as far from it, or that of a cylinder near a wall "
+        "(the drag of the flow keeps its value)",
+    )
+    wall_gap_nm: float = option(
+        0.5, "layer of water that stays between rod and membrane in wall_drag, nm", gt=0
+    )
     wall: Literal["signed_distance", "z_only", "none"] = option(
         "signed_distance",
         "membrane: pushes along the shortest way out, only upwards (the paper), or absent",
