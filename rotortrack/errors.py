@@ -45,6 +45,10 @@ class FieldError(RotortrackError):
     exit_code = 3
 
 
+class ArchiveError(InputError):
+    """A file of simulated results cannot be used."""
+
+
 class RodError(RotortrackError):
     """A rod's shape, or the numbers it is made of, cannot be simulated."""
 

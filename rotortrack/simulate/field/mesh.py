@@ -14,25 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.errors import ConfigurationError
+from rotortrack.simulate.field.grading import Grading, graded, graded_both
 from rotortrack.simulate.field.options import FieldOptions
-
-_WIDEST_NM = 40.0
-
-
-@dataclass(frozen=True)
-class Grading:
-    """How fine a mesh is.
-
-    Attributes
-    ----------
-    finest_nm
-        Size of the cells at the rim and on the walls.
-    ratio
-        Growth of cells away from them.
-    """
-
-    finest_nm: float
-    ratio: float
 
 
 @dataclass(frozen=True)
@@ -50,27 +33,6 @@ class Mesh:
     r_nm: NDArray[np.float64]
     z_nm: NDArray[np.float64]
     fluid: NDArray[np.bool_]
-
-
-def graded(length: float, grading: Grading) -> NDArray[np.float64]:
-    """Divide (0, length) into cells that grow from the finest at 0.
-
-    Returns
-    -------
-    ndarray
-        Lines from 0 to `length`, both included.
-    """
-    sizes = [min(grading.finest_nm, length)]
-    while sum(sizes) < length:
-        sizes.append(min(sizes[-1] * grading.ratio, _WIDEST_NM))
-    lines = np.concatenate(([0.0], np.cumsum(sizes)))
-    return lines * (length / lines[-1])
-
-
-def graded_both(length: float, grading: Grading) -> NDArray[np.float64]:
-    """Divide (0, length) into cells that grow from both ends to the middle."""
-    half = graded(length / 2.0, grading)
-    return np.concatenate((half, length - half[-2::-1]))
 
 
 def make_mesh(options: FieldOptions, grading: Grading) -> Mesh:

@@ -1,4 +1,4 @@
-"""Values of a tabulated field at one point: bicubic, so that fields and their slopes are continuous.
+"""Values of a tabulated field at one point: bicubic, so that fields and slopes are continuous.
 
 A rotating state of a rod is the zero of a smooth function only if the field has no kinks; Newton's
 method and continuation lose it at the edges of bilinear cells.

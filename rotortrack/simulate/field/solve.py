@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from rotortrack.errors import FieldError
-from rotortrack.simulate.field.mesh import Grading, Mesh, make_mesh
+from rotortrack.simulate.field.grading import Grading
+from rotortrack.simulate.field.mesh import Mesh, make_mesh
 from rotortrack.simulate.field.options import FieldOptions
 from rotortrack.simulate.field.physics import physics_of
 from rotortrack.simulate.field.pnp import PoissonNernstPlanck, State

@@ -7,6 +7,7 @@ is an array over cells and quadrature points.
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,7 @@ class Assembly:
 
     def __init__(self, spaces: list[Space], free: NDArray[np.bool_]) -> None:
         offsets = np.cumsum([0, *(space.size for space in spaces)])
-        self.slices = [slice(a, b) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        self.slices = [slice(a, b) for a, b in itertools.pairwise(offsets)]
         self.free = free
         self._dofs = [space.dofs + start for space, start in zip(spaces, offsets[:-1], strict=True)]
         self._size = int(offsets[-1])
