@@ -39,6 +39,12 @@ class TableError(InputError):
     """A table lacks columns or holds values that cannot be used."""
 
 
+class RodError(RotortrackError):
+    """A rod's shape, or the numbers it is made of, cannot be simulated."""
+
+    exit_code = 3
+
+
 class ConfigurationError(RotortrackError):
     """One or more options are wrong; all mistakes found are listed.
 
