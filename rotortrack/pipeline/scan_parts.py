@@ -7,46 +7,38 @@ found there still holds; one that a failing disk damaged is not whole, and its r
 from __future__ import annotations
 
 import re
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack import files
+from rotortrack.errors import ArchiveError
+from rotortrack.simulate.archive import read_archive, write_archive
 from rotortrack.simulate.scan import ANGLES, RunResult
 from rotortrack.simulate.tables import RUNS
 
 FOLDER = re.compile(r"scan-[0-9a-f]{16}")
 
+DIMENSIONS = {"shape_nm": 3, "time_us": 2, "turned_rad": 2}
+"""Arrays beside the table of runs: (runs, vertices, 3), and twice (runs, ANGLES)."""
+
 _NAME = re.compile(r"(\d{8})-(\d{8})\.npz")
-_MOST_LETTERS = 4000
-_DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError)
+_KINDS = {"str": str, "bool": bool, "int64": int, "float64": float}
+
+
+def arrays_of(results: Sequence[RunResult]) -> dict[str, NDArray[np.float64]]:
+    """Stack what the table of runs has no columns for."""
+    return {name: np.array([getattr(result, name) for result in results]) for name in DIMENSIONS}
 
 
 def write_part(folder: Path, results: Sequence[RunResult]) -> None:
     """Keep runs that follow each other."""
-    first, last = (results[i].row["run"] for i in (0, -1))
-    rows = {c.name: _column(c.dtype, [r.row[c.name] for r in results]) for c in RUNS.columns}
-    with files.atomic_path(folder / f"{first:08d}-{last:08d}.npz") as temporary:
-        np.savez_compressed(temporary, allow_pickle=False, **rows, **arrays_of(results))
-
-
-def arrays_of(results: Sequence[RunResult]) -> dict[str, NDArray[np.float64]]:
-    """Stack what the table of runs has no columns for.
-
-    Returns
-    -------
-    dict
-        shape_nm (runs, vertices, 3), time_us and turned_rad (runs, ANGLES), seconds (runs,).
-    """
-    return {
-        "shape_nm": np.array([result.shape_nm for result in results]),
-        "time_us": np.array([result.time_us for result in results]),
-        "turned_rad": np.array([result.turned_rad for result in results]),
-        "seconds": np.array([result.seconds for result in results]),
-    }
+    rows = [result.row for result in results]
+    path = folder / f"{rows[0]['run']:08d}-{rows[-1]['run']:08d}.npz"
+    about = {"rows": rows, "seconds": [result.seconds for result in results]}
+    write_archive(path, arrays_of(results), about)
 
 
 def read_parts(folder: Path, runs: int, vertices: int) -> dict[int, RunResult]:
@@ -60,57 +52,37 @@ def read_parts(folder: Path, runs: int, vertices: int) -> dict[int, RunResult]:
         Runs of the scan and vertices of its rods; others do not count.
     """
     kept: dict[int, RunResult] = {}
-    for path in sorted(folder.glob("*.npz")) if not folder.is_symlink() else ():
+    for path in sorted(folder.glob("*.npz")):
         match = _NAME.fullmatch(path.name)
         if match is None or not int(match[1]) <= int(match[2]) < runs:
             continue
+        numbers = range(int(match[1]), int(match[2]) + 1)
         try:
-            results = _read_part(path, range(int(match[1]), int(match[2]) + 1), vertices)
-        except _DAMAGE:
+            arrays, about = read_archive(path, "a part of a scan", DIMENSIONS)
+        except ArchiveError:
             continue
-        kept |= {int(result.row["run"]): result for result in results}
+        if _is_whole(arrays, about, numbers, vertices):
+            for i, number in enumerate(numbers):
+                own = {name: values[i] for name, values in arrays.items()}
+                kept[number] = RunResult(about["rows"][i], **own, seconds=about["seconds"][i])
     return kept
 
 
-def _read_part(path: Path, numbers: range, vertices: int) -> list[RunResult]:
+def _is_whole(
+    arrays: dict[str, NDArray[np.float64]], about: dict[str, Any], numbers: range, vertices: int
+) -> bool:
+    """Whether an archive holds these runs, each with all that is kept of one."""
     count = len(numbers)
-    shapes = {
-        "shape_nm": (count, vertices, 3),
-        "time_us": (count, ANGLES),
-        "turned_rad": (count, ANGLES),
-        "seconds": (count,),
-    }
-    expected_bytes = 8 * sum(int(np.prod(shape)) for shape in shapes.values())
-    expected_bytes += count * len(RUNS.columns) * 4 * _MOST_LETTERS
-    with zipfile.ZipFile(path) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > expected_bytes:
-            raise ValueError("larger than its runs")
-    with np.load(path, allow_pickle=False) as content:
-        columns = {column.name: content[column.name] for column in RUNS.columns}
-        arrays = {name: content[name] for name in shapes}
-    for column in RUNS.columns:
-        values = columns[column.name]
-        kind = "U" if column.dtype == "str" else np.dtype(column.dtype).kind
-        if values.shape != (count,) or values.dtype.kind != kind:
-            raise ValueError(f"{column.name} is no column of the runs")
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape or arrays[name].dtype != np.float64:
-            raise ValueError(f"{name} has another shape")
-    if columns["run"].tolist() != list(numbers):
-        raise ValueError("holds other runs than its name says")
-    return [
-        RunResult(
-            row={name: values[i].item() for name, values in columns.items()},
-            shape_nm=arrays["shape_nm"][i],
-            time_us=arrays["time_us"][i],
-            turned_rad=arrays["turned_rad"][i],
-            seconds=float(arrays["seconds"][i]),
-        )
-        for i in range(count)
-    ]
-
-
-def _column(dtype: str, values: Sequence[object]) -> NDArray[np.generic]:
-    if dtype == "str":
-        return np.array([str(value)[:_MOST_LETTERS] for value in values], dtype=np.str_)
-    return np.array(values, dtype=dtype)
+    rows, seconds = about.get("rows"), about.get("seconds")
+    shapes = {"shape_nm": (vertices, 3), "time_us": (ANGLES,), "turned_rad": (ANGLES,)}
+    columns = {column.name: _KINDS[column.dtype] for column in RUNS.columns}
+    return (
+        isinstance(rows, list)
+        and isinstance(seconds, list)
+        and len(rows) == len(seconds) == count
+        and all(isinstance(value, float) for value in seconds)
+        and all(arrays[name].shape == (count, *shape) for name, shape in shapes.items())
+        and all(isinstance(row, dict) and row.keys() == columns.keys() for row in rows)
+        and all(type(row[name]) is kind for row in rows for name, kind in columns.items())
+        and [row["run"] for row in rows] == list(numbers)
+    )

@@ -35,7 +35,14 @@ from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_json, write_out
 from rotortrack.pipeline.parts import make_folder
 from rotortrack.pipeline.provenance import Record
-from rotortrack.pipeline.scan_parts import FOLDER, arrays_of, read_parts, write_part
+from rotortrack.pipeline.scan_parts import (
+    DIMENSIONS,
+    FOLDER,
+    arrays_of,
+    read_parts,
+    write_part,
+)
+from rotortrack.simulate.archive import read_archive, write_archive
 from rotortrack.simulate.rod.ends import RodEnd
 from rotortrack.simulate.scan import (
     FAILED,
@@ -173,11 +180,7 @@ def read_scan(folder: Path) -> Scan:
             f"{folder} holds a scan that is not finished: give the same command again to finish it"
         )
     runs = parquet.read_table(folder / TABLE, RUNS)
-    try:
-        with np.load(folder / SHAPES, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in ("shape_nm", "time_us", "turned_rad")}
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError(f"{folder / SHAPES} cannot be read: make the scan again") from error
+    arrays, _ = read_archive(folder / SHAPES, "the shapes of a scan", DIMENSIONS)
     if any(len(values) != len(runs) for values in arrays.values()):
         raise InputError(f"{folder / SHAPES} belongs to other runs: make the scan again")
     return Scan(runs=runs, facts=facts, **arrays)
@@ -224,15 +227,12 @@ def _write(
 ) -> None:
     """Write table and shapes, and last what says that they are whole."""
     rows = [result.row for result in results]
-    arrays = arrays_of(results)
-    run_seconds = arrays.pop("seconds").round(4).tolist()
     provenance = {**record.provenance, "key": facts["key"], "field": facts["field"]}
     parquet.write_table(folder / TABLE, runs_table(rows), RUNS, provenance)
-    with files.atomic_path(folder / SHAPES) as temporary:
-        numbers = np.array([row["run"] for row in rows])
-        np.savez_compressed(temporary, allow_pickle=False, run=numbers, **arrays)
+    write_archive(folder / SHAPES, arrays_of(results), provenance)
     counted = Counter(row["end"] for row in rows)
     ends = {end: counted[end] for end in (*(end.value for end in RodEnd), FAILED)}
+    run_seconds = [round(result.seconds, 4) for result in results]
     times = {"seconds": round(seconds, 3), "run_seconds": run_seconds}
     whole = {**facts, "state": COMPLETE, "ends": ends, **times}
     files.write_text(folder / SCAN, write_out(whole))

@@ -135,7 +135,7 @@ def simulate_run(scene: Scene, field: FieldTable | None, run: ScanRun) -> RunRes
             **dataclasses.asdict(simulated.seen),
             **_point(run),
             "end": done.end.value,
-            "simulated_us": float(done.time_us[-1]),
+            "simulated_us": done.simulated_us,
             "n_steps": done.n_steps,
             "problem": "",
         },

@@ -63,6 +63,7 @@ class FakeRods:
         rate = rng.normal() * (-1.0 if start.mirrored else 1.0)
         run = SimpleNamespace(
             time_us=time_us,
+            simulated_us=float(time_us[-1]),
             positions_nm=rng.normal(size=(2, rod.n_vertices, 3)),
             turned_rad=rate * time_us,
             end=ends[int(rng.integers(len(ends)))],
