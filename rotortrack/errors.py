@@ -39,6 +39,10 @@ class TableError(InputError):
     """A table lacks columns or holds values that cannot be used."""
 
 
+class ArchiveError(InputError):
+    """A file of simulated results cannot be used."""
+
+
 class RodError(RotortrackError):
     """A rod's shape, or the numbers it is made of, cannot be simulated."""
 

@@ -8,8 +8,7 @@ end of the step to first order, F(x + d) = F(x) - K d, and the links are kept by
     J d                          = 0
 
 K is the bending stiffness of a straight rod, B / l^3 times the squared second difference of each
-component, each joint's share multiplied by sec^4 of half its angle (the stiffness of a folded
-joint), the pull of stretched links across them, and the contact's Hessian. Unknowns are ordered
+component (each joint's share multiplied by sec^4 of half its angle), the pull of stretched links across them, and the contact's Hessian. Unknowns are ordered
 d_0, T_0, d_1, T_1, ..., so the matrix is a band of half-width 8.
 """
 
@@ -24,22 +23,24 @@ from numpy.typing import NDArray
 from rotortrack.kernels import kernel
 from rotortrack.simulate.rod.banded import HALF_BAND, WIDTH, factor, solve
 from rotortrack.simulate.rod.contact import add_contact_hessian
+from rotortrack.simulate.rod.elasticity import add_bending_stiffness
 from rotortrack.simulate.rod.forces import total_force
 from rotortrack.simulate.rod.friction import drag_frames
-from rotortrack.simulate.rod.parameters import BENDING_PN_NM2, BENDING_READING, EDGE_NM
+from rotortrack.simulate.rod.parameters import EDGE_NM
 from rotortrack.simulate.rod.projection import link_directions, project_lengths
 
 
 class Shape(NamedTuple):
     """What a step has to know at the shape from which it sets out.
 
-    force (n, 3) in pN, tangent (n, 3), drag (n, 2) in pN us/nm across and along, contact (n, 3, 3)
-    in pN/nm.
+    force (n, 3) in pN; tangent (n, 3); drag (n, 2) across and along, pN us/nm; stiffness in pN/nm:
+    bending (3, n), diagonal and the two beside it, and contact (n, 3, 3).
     """
 
     force: NDArray[np.float64]
     tangent: NDArray[np.float64]
     drag: NDArray[np.float64]
+    bending: NDArray[np.float64]
     contact: NDArray[np.float64]
 
 
@@ -56,7 +57,13 @@ class Room(NamedTuple):
 @kernel
 def new_shape(n: int) -> Shape:
     """Make room for what is known at one shape of n vertices."""
-    return Shape(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2)), np.zeros((n, 3, 3)))
+    return Shape(
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
+        np.zeros((n, 2)),
+        np.zeros((3, n)),
+        np.zeros((n, 3, 3)),
+    )
 
 
 @kernel
@@ -80,12 +87,15 @@ def look(
     z_nm: NDArray[np.float64],
     nodes: NDArray[np.float64],
     shape: Shape,
-) -> None:
-    """Evaluate forces, friction and the contact's stiffness at x, shape (n, 3) in nm."""
-    total_force(x, rod, r_nm, z_nm, nodes, shape.force)
+) -> int:
+    """Write forces, friction and stiffness at x, (n, 3) in nm; return a folded joint or -1."""
+    folded = total_force(x, rod, r_nm, z_nm, nodes, shape.force)
     drag_frames(x, rod, shape.tangent, shape.drag)
+    shape.bending[:] = 0.0
+    add_bending_stiffness(x, rod, shape.bending)
     shape.contact[:] = 0.0
     add_contact_hessian(x, rod, shape.contact)
+    return folded
 
 
 @kernel
@@ -112,26 +122,11 @@ def _assemble(
             slope = along * shape.tangent[i, c]
             for d in range(c, 3):
                 row[d - c] = slope * shape.tangent[i, d] + theta * shape.contact[i, c, d]
-            row[0] += across
+            row[0] += across + theta * shape.bending[0, i]
+            row[4] = theta * shape.bending[1, i]
+            row[8] = theta * shape.bending[2, i]
             room.values[4 * i + c] = shape.force[i, c]
     edge = rod[EDGE_NM]
-    bending = theta * rod[BENDING_PN_NM2] / edge**3
-    if rod[BENDING_READING] > 0.0:
-        bending *= 2.0
-    for i in range(1, n - 1):
-        cosine = 0.0
-        for c in range(3):
-            cosine += directions[i - 1, c] * directions[i, c]
-        # sec^4(angle / 2), held where a joint has folded back upon itself.
-        share = bending * 4.0 / max(1.0 + cosine, 1e-3) ** 2
-        for c in range(3):
-            j = 4 * (i - 1) + c
-            band[j, 0] += share
-            band[j, 4] -= 2.0 * share
-            band[j, 8] += share
-            band[j + 4, 0] += 4.0 * share
-            band[j + 4, 4] -= 2.0 * share
-            band[j + 8, 0] += share
     for i in range(n - 1):
         pull = theta * max(room.tension[i], 0.0) / edge
         for c in range(3):

@@ -34,7 +34,6 @@ FOLDED = 13
 TOO_STIFF = 14
 
 SMALLEST_STEP_US = 1e-12
-_FOLDED_COSINE = math.cos(math.radians(150.0))
 
 # Places in `Samples.numbers`.
 TIME_US = 0
@@ -56,7 +55,7 @@ class Control(NamedTuple):
     duration_us: float
     sample_us: float
     max_steps: int
-    watched: bool
+    stops: bool
 
 
 class Samples(NamedTuple):
@@ -74,19 +73,6 @@ class Stages(NamedTuple):
     full: NDArray[np.float64]
     middle: NDArray[np.float64]
     moved: NDArray[np.float64]
-
-
-@kernel
-def is_folded(x: NDArray[np.float64], edge_nm: float) -> bool:
-    """Whether a joint is bent by more than 150 degrees, where bending stops to mean anything."""
-    least = _FOLDED_COSINE * edge_nm * edge_nm
-    for i in range(1, x.shape[0] - 1):
-        dot = 0.0
-        for c in range(3):
-            dot += (x[i, c] - x[i - 1, c]) * (x[i + 1, c] - x[i, c])
-        if dot < least:
-            return True
-    return False
 
 
 @kernel
@@ -251,7 +237,7 @@ def integrate(
     n = start_nm.shape[0]
     x = start_nm.copy()
     shape = new_shape(n)
-    half_shape = new_shape(n)
+    other = new_shape(n)
     room = new_room(n)
     stages = Stages(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)))
     watch = new_watch(x)
@@ -267,11 +253,11 @@ def integrate(
     t = 0.0
     turned = 0.0
     step = min(control.step_us, control.longest_us)
-    look(x, rod, r_nm, z_nm, nodes, shape)
+    folded = look(x, rod, r_nm, z_nm, nodes, shape)
     status = UNDECIDED
     if not (is_finite(x) and is_finite(shape.force)):
         status = NOT_FINITE
-    elif is_folded(x, rod[EDGE_NM]):
+    elif folded >= 0:
         status = FOLDED
     while status == UNDECIDED:
         left = control.duration_us - t
@@ -281,47 +267,49 @@ def integrate(
         if numbers[STEPS] + numbers[REJECTED] >= control.max_steps:
             status = OUT_OF_STEPS
             break
-        grown = 3.0
+        error = 0.0
         if implicit:
             dt = min(step, left)
             error = extrapolated_step(
-                x, rod, r_nm, z_nm, nodes, shape, half_shape, dt, room, stages
+                x, rod, r_nm, z_nm, nodes, shape, other, dt, room, stages
             )
-            folded = error < np.inf and is_folded(stages.moved, rod[EDGE_NM])
-            grown = min(grown, 0.9 * math.sqrt(control.tolerance_nm / max(error, 1e-30)))
-            if error > control.tolerance_nm or folded:
-                numbers[REJECTED] += 1
-                step = dt * (0.25 if folded else max(grown, 0.1))
-                if step < SMALLEST_STEP_US:
-                    status = FOLDED if folded else TOO_STIFF
-                continue
         else:
-            dt = explicit_step(
-                x, rod, shape, min(step, left), control.cap_nm, room, stages.moved
-            )
-            if not dt > 0.0 or not is_finite(stages.moved):
+            dt = explicit_step(x, rod, shape, min(step, left), control.cap_nm, room, stages.moved)
+            if not dt > 0.0:
                 status = NOT_FINITE
                 break
-            if is_folded(stages.moved, rod[EDGE_NM]):
-                status = FOLDED
-                break
-        _sample_within(
-            x, rod, shape, t, dt, turned, implicit, control, room, stages, samples
-        )
+        if error <= control.tolerance_nm:
+            folded = look(stages.moved, rod, r_nm, z_nm, nodes, other)
+        grown = 0.9 * math.sqrt(control.tolerance_nm / max(error, 1e-30))
+        if implicit and (error > control.tolerance_nm or folded >= 0):
+            numbers[REJECTED] += 1
+            step = dt * (0.25 if error <= control.tolerance_nm else max(grown, 0.1))
+            if step < SMALLEST_STEP_US:
+                status = FOLDED if folded >= 0 else TOO_STIFF
+                if not is_finite(other.force):
+                    status = NOT_FINITE
+            continue
+        if not (is_finite(stages.moved) and is_finite(other.force)):
+            status = NOT_FINITE
+            break
+        if folded >= 0:
+            status = FOLDED
+            break
+        _sample_within(x, rod, shape, t, dt, turned, implicit, control, room, stages, samples)
         turned += turn_between(x, stages.moved, shape.drag)
         t += dt
         x[:] = stages.moved
+        shape, other = other, shape
         numbers[STEPS] += 1
         if implicit:
             keep_tensions(room)
+            # The last step is cut short by the end of the run and says nothing about the next.
             if dt == step or grown < 1.0:
-                step = min(dt * grown, control.longest_us)
-        look(x, rod, r_nm, z_nm, nodes, shape)
-        if not is_finite(shape.force):
-            status = NOT_FINITE
-        elif control.watched:
-            status = watch_rod(t, x, turned, rod, watch)
-    if control.watched and watch.numbers[3] > 0.0:
+                step = min(dt * min(grown, 3.0), control.longest_us)
+        seen = watch_rod(t, x, turned, rod, watch)
+        if control.stops:
+            status = seen
+    if watch.numbers[3] > 0.0:
         numbers[DEFORMATION_NM_US] = watch.numbers[2] / watch.numbers[3]
         if watch.numbers[5] >= 2.0:
             numbers[SETTLED_US] = watch.numbers[3]
