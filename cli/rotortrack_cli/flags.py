@@ -201,6 +201,13 @@ _ASSIGNMENT = re.compile(r"\s*(\w+)\.(\w+)\s*=\s*(\S.*)", re.DOTALL)
 
 
 def parse_assignments(texts: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Read the values of `--set`.
+
+    Raises
+    ------
+    click.UsageError
+        Some are not of the form stage.option=value; all are listed.
+    """
     values: dict[str, dict[str, Any]] = {}
     malformed = []
     for text in texts:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rotortrack.errors import ArchiveError
 from rotortrack.simulate.archive import read_archive, write_archive
-from rotortrack.simulate.scan import ANGLES, RunResult
+from rotortrack.simulate.scan import ANGLES, KINDS, RunResult
 from rotortrack.simulate.tables import RUNS
 
 FOLDER = re.compile(r"scan-[0-9a-f]{16}")
@@ -25,7 +25,6 @@ DIMENSIONS = {"shape_nm": 3, "time_us": 2, "turned_rad": 2}
 """Arrays beside the table of runs: (runs, vertices, 3), and twice (runs, ANGLES)."""
 
 _NAME = re.compile(r"(\d{8})-(\d{8})\.npz")
-_KINDS = {"str": str, "bool": bool, "int64": int, "float64": float}
 
 
 def arrays_of(results: Sequence[RunResult]) -> dict[str, NDArray[np.float64]]:
@@ -75,7 +74,7 @@ def _is_whole(
     count = len(numbers)
     rows, seconds = about.get("rows"), about.get("seconds")
     shapes = {"shape_nm": (vertices, 3), "time_us": (ANGLES,), "turned_rad": (ANGLES,)}
-    columns = {column.name: _KINDS[column.dtype] for column in RUNS.columns}
+    columns = {column.name: KINDS[column.dtype] for column in RUNS.columns}
     return (
         isinstance(rows, list)
         and isinstance(seconds, list)

@@ -44,6 +44,7 @@ from rotortrack.pipeline.scan_parts import (
 )
 from rotortrack.simulate.archive import read_archive, write_archive
 from rotortrack.simulate.rod.ends import RodEnd
+from rotortrack.simulate.rod.parameters import rod_parameters
 from rotortrack.simulate.scan import (
     FAILED,
     RunResult,
@@ -123,6 +124,8 @@ def run_scan(
     ------
     ConfigurationError
         The scene has no rod or no scan.
+    RodError
+        No rod can be made of its options.
     UsageError
         The folder holds a run of a movie or another scan.
     LockedError
@@ -133,6 +136,8 @@ def run_scan(
     scene.require("rod", "scan")
     assert scene.rod is not None
     assert scene.scan is not None
+    # What no rod of the scan could be made of is told before any is tried.
+    rod_parameters(scene.rod, None if field is None else field.table)
     record = Record("simulate scan")
     record.options(scene.settings)
     key = _key(scene, field, record)
@@ -223,7 +228,11 @@ def _keeping(results: Iterator[RunResult], parts: Path) -> Iterator[RunResult]:
 
 
 def _write(
-    folder: Path, results: Sequence[RunResult], record: Record, facts: dict[str, Any], seconds: float
+    folder: Path,
+    results: Sequence[RunResult],
+    record: Record,
+    facts: dict[str, Any],
+    seconds: float,
 ) -> None:
     """Write table and shapes, and last what says that they are whole."""
     rows = [result.row for result in results]
@@ -239,7 +248,7 @@ def _write(
 
 
 def _facts(record: Record, field: SceneField | None, key: str, runs: int) -> dict[str, Any]:
-    """What scan.json says but for the results."""
+    """Give what scan.json says but for the results."""
     told = None
     if field is not None:
         table = field.table

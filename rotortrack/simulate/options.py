@@ -47,10 +47,14 @@ class ScanOptions(Options):
         check=_several,
     )
     offset_x_nm: tuple[float, ...] = option(
-        (0.0, 40.0, 90.0), "offset of the rod's centre along the rod in each placement, nm", check=_any
+        (0.0, 40.0, 90.0),
+        "offset along the rod in each placement, nm",
+        check=_any,
     )
     offset_y_nm: tuple[float, ...] = option(
-        (3.0, 8.0, 15.0), "offset of the rod's centre across the rod in each placement, nm", check=_any
+        (3.0, 8.0, 15.0),
+        "offset across the rod in each placement, nm",
+        check=_any,
     )
     mirrored: bool = option(False, "simulate the mirror image of each placement as well")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 import struct
 import time
 from collections.abc import Sequence
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 ANGLES = 101
 """Kept points of each run's angle over time, the first and the last included."""
+
+KINDS = {"str": str, "bool": bool, "int64": int, "float64": float}
+"""Python's type for each dtype of the table of runs."""
 
 FAILED = "failed"
 """End of a run that could not be simulated; its row says why."""
@@ -123,22 +127,21 @@ def simulate_run(scene: Scene, field: FieldTable | None, run: ScanRun) -> RunRes
     )
     begun = time.perf_counter()
     try:
-        simulated = simulate_rod(
-            rod, start, scene.stepping, field, _own_stream(scene.thermal, run)
-        )
+        simulated = simulate_rod(rod, start, scene.stepping, field, _own_stream(scene.thermal, run))
     except RodError as error:
         return _failed(run, rod, str(error), time.perf_counter() - begun)
     done = simulated.run
     kept = np.linspace(0, len(done.time_us) - 1, ANGLES).round().astype(int)
+    values = {
+        **dataclasses.asdict(simulated.seen),
+        **_point(run),
+        "end": done.end.value,
+        "simulated_us": done.simulated_us,
+        "n_steps": done.n_steps,
+        "problem": "",
+    }
     return RunResult(
-        row={
-            **dataclasses.asdict(simulated.seen),
-            **_point(run),
-            "end": done.end.value,
-            "simulated_us": done.simulated_us,
-            "n_steps": done.n_steps,
-            "problem": "",
-        },
+        row={column.name: KINDS[column.dtype](values[column.name]) for column in RUNS.columns},
         shape_nm=done.positions_nm[-1],
         time_us=done.time_us[kept],
         turned_rad=done.turned_rad[kept],
@@ -150,7 +153,9 @@ def runs_table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Make the table of runs."""
     import pandas as pd
 
-    columns = {c.name: pd.Series([row[c.name] for row in rows], dtype=c.dtype) for c in RUNS.columns}
+    columns = {
+        c.name: pd.Series([row[c.name] for row in rows], dtype=c.dtype) for c in RUNS.columns
+    }
     return pd.DataFrame(columns)
 
 
@@ -188,7 +193,7 @@ def _own_stream(thermal: ThermalOptions | None, run: ScanRun) -> ThermalOptions 
 
 
 def _failed(run: ScanRun, rod: RodOptions, problem: str, seconds: float) -> RunResult:
-    nothing = {"str": "", "int64": 0, "float64": np.nan, "bool": False}
+    nothing = {**{dtype: kind() for dtype, kind in KINDS.items()}, "float64": math.nan}
     empty = {column.name: nothing[column.dtype] for column in RUNS.columns}
     return RunResult(
         row={**empty, **_point(run), "end": FAILED, "problem": problem},

@@ -1,4 +1,4 @@
-"""`rotortrack simulate field|rod|scan`: results by file and as JSON, and failures in one sentence."""
+"""`rotortrack simulate field|rod|scan`: results as files and JSON, failures in one sentence."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest

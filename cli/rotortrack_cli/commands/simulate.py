@@ -45,20 +45,27 @@ def _scene_flags(function: _Function) -> _Function:
         layers = [Layer("--set", values)] if values else []
         return function(*args, scene=read_scene(path, layers, preset), **kwargs)
 
-    decorated: Any = click.option(
+    decorated: Any = call
+    for add in reversed(_SCENE):
+        decorated = add(decorated)
+    return decorated  # type: ignore[no-any-return]
+
+
+_SCENE = (
+    click.argument("path", metavar="SCENE.toml", type=FILE),
+    click.option(
+        "--preset",
+        type=click.Choice(list(PRESETS)),
+        help="How to read what the paper leaves open; the scene's own values win.",
+    ),
+    click.option(
         "--set",
         "assignments",
         multiple=True,
         metavar="SECTION.OPTION=VALUE",
         help="Set any option of the scene; may be repeated.",
-    )(call)
-    decorated = click.option(
-        "--preset",
-        type=click.Choice(list(PRESETS)),
-        help="How to read what the paper leaves open; the scene's own values win.",
-    )(decorated)
-    decorated = click.argument("path", metavar="SCENE.toml", type=FILE)(decorated)
-    return decorated  # type: ignore[no-any-return]
+    ),
+)
 
 
 def _field_flags(function: _Function) -> _Function:
@@ -161,9 +168,7 @@ def scan(
 
     begun = time.perf_counter()
     with Stages(console) as stages:
-        done = run_scan(
-            scene, found, output, workers=workers, overwrite=overwrite, progress=stages
-        )
+        done = run_scan(scene, found, output, workers=workers, overwrite=overwrite, progress=stages)
     console.table(*phase_diagram(done.runs))
     ends = {end: count for end, count in done.facts["ends"].items() if count}
     console.text(f"\n{len(done.runs)} runs in {output}: " + _counted(ends))

@@ -10,14 +10,7 @@ from rotortrack.simulate import scan
 from rotortrack.simulate.scan import ANGLES, FAILED, phase_diagram, planned_runs, runs_table
 from rotortrack.simulate.tables import RUNS
 
-from .rods import FakeRods, scene
-
-
-@pytest.fixture
-def rods(monkeypatch) -> FakeRods:
-    fake = FakeRods()
-    monkeypatch.setattr(scan, "simulate_rod", fake)
-    return fake
+from .rods import scene
 
 
 def test_the_grid_holds_every_start_at_every_point_once():
@@ -48,7 +41,8 @@ def test_the_mirror_image_of_a_mirrored_start_is_the_start(rods):
     assert [call[1].mirrored for call in rods.calls] == [True, False]
 
 
-def test_what_is_kept_of_a_run(rods):
+@pytest.mark.usefixtures("rods")
+def test_what_is_kept_of_a_run():
     given = scene()
     results = [scan.simulate_run(given, None, run) for run in planned_runs(given.scan)]
     table = runs_table([result.row for result in results])
@@ -68,7 +62,8 @@ def test_what_is_kept_of_a_run(rods):
         assert result.seconds > 0.0
 
 
-def test_a_run_of_few_samples_keeps_its_first_and_last(rods):
+@pytest.mark.usefixtures("rods")
+def test_a_run_of_few_samples_keeps_its_first_and_last():
     given = scene({"stepping": {"duration_us": 1.0, "sample_us": 0.5}})
     result = scan.simulate_run(given, None, planned_runs(given.scan)[0])
     assert set(result.time_us) == {0.0, 0.5}

@@ -14,7 +14,6 @@ from rotortrack.simulate.scene_field import field_for
 def solved(monkeypatch):
     """Stand for the solver; give the options that it was called with."""
     import rotortrack.simulate.field.solve
-    import rotortrack.simulate.scene_field
 
     asked = []
 
@@ -26,9 +25,7 @@ def solved(monkeypatch):
         return Solution()
 
     monkeypatch.setattr(rotortrack.simulate.field.solve, "solve_field", solve_field)
-    monkeypatch.setattr(
-        rotortrack.simulate.field.table, "tabulate", lambda _: embedded_table()
-    )
+    monkeypatch.setattr(rotortrack.simulate.field.table, "tabulate", lambda _: embedded_table())
     return asked
 
 
@@ -71,6 +68,6 @@ def test_a_stored_field_is_scaled_and_one_of_another_pore_is_refused(tmp_path, s
     assert found.source == "file"
     assert str(path) in found.origin
     assert found.table.voltage_v == 0.15
-    with pytest.raises(ConfigurationError, match="field.npz .*surface_charge_e_nm2"):
+    with pytest.raises(ConfigurationError, match=r"field\.npz .*surface_charge_e_nm2"):
         field_for(FieldOptions(surface_charge_e_nm2=-0.2), file=path)
     assert solved == []

@@ -17,20 +17,12 @@ from rotortrack.exchange import parquet
 from rotortrack.pipeline import scan_run
 from rotortrack.pipeline.scan_parts import DIMENSIONS
 from rotortrack.pipeline.scan_run import read_scan, run_scan
-from rotortrack.simulate import scan
 from rotortrack.simulate.archive import read_archive, write_archive
 from rotortrack.simulate.scene_field import SceneField
 
-from ..simulate.rods import FakeRods, scene
+from .rods import FakeRods, scene
 
 RESULTS = ("runs.parquet", "shapes.npz")
-
-
-@pytest.fixture
-def rods(monkeypatch) -> FakeRods:
-    fake = FakeRods()
-    monkeypatch.setattr(scan, "simulate_rod", fake)
-    return fake
 
 
 def bytes_of(folder: Path) -> list[bytes]:
@@ -59,7 +51,9 @@ def field(current_a: float = 2e-9, node: float = 1.0) -> SceneField:
         r_nm=np.arange(2.0),
         z_nm=np.arange(2.0),
         nodes=np.full((2, 2, 8, 4), node),
+        pore_radius_nm=25.0,
         membrane_nm=20.0,
+        rim_radius_nm=0.0,
         current_a=current_a,
         flow_m3_s=4e-17,
         current_error_rel=1e-3,
@@ -68,7 +62,8 @@ def field(current_a: float = 2e-9, node: float = 1.0) -> SceneField:
     return SceneField(table, "solved", "solved for this scene", 17_000, 2.5)
 
 
-def test_results_say_what_made_them(rods, tmp_path):
+@pytest.mark.usefixtures("rods")
+def test_results_say_what_made_them(tmp_path):
     given = scene({"start": {"height_nm": 6.0}})
     done = run_scan(given, field(), tmp_path / "scan", workers=2)
     assert len(done.runs) == len(done.shape_nm) == len(done.turned_rad) == 12
@@ -121,7 +116,8 @@ def test_runs_are_kept_while_the_scan_goes_on(rods, tmp_path, monkeypatch, whole
 
 
 @pytest.mark.parametrize("workers", [2, 3])
-def test_workers_and_executor_leave_the_bytes_as_they_are(rods, tmp_path, whole, workers):
+@pytest.mark.usefixtures("rods")
+def test_workers_and_executor_leave_the_bytes_as_they_are(tmp_path, whole, workers):
     run_scan(scene(), None, tmp_path / "own", workers=workers)
     with ThreadPoolExecutor(workers) as executor:
         run_scan(scene(), None, tmp_path / "given", workers=workers, executor=executor)
@@ -184,7 +180,7 @@ def test_a_part_that_is_not_whole_is_made_again(rods, tmp_path, whole, monkeypat
 def test_another_scan_is_not_replaced_without_being_asked(rods, tmp_path, whole):
     interrupted(rods, tmp_path / "scan", 5)
     other = scene(lambda_eff=[0.3])
-    with pytest.raises(UsageError, match="other options.*--overwrite"):
+    with pytest.raises(UsageError, match=r"other options.*--overwrite"):
         run_scan(other, None, tmp_path / "scan", workers=1)
     run_scan(scene(), None, tmp_path / "scan", workers=1)
     with pytest.raises(UsageError, match="--overwrite"):
@@ -194,7 +190,8 @@ def test_another_scan_is_not_replaced_without_being_asked(rods, tmp_path, whole)
     assert set(done.runs["lambda_eff"]) == {0.3}
 
 
-def test_another_field_is_another_scan(rods, tmp_path):
+@pytest.mark.usefixtures("rods")
+def test_another_field_is_another_scan(tmp_path):
     run_scan(scene(), field(), tmp_path, workers=1)
     with pytest.raises(UsageError):
         run_scan(scene(), field(node=1.1), tmp_path, workers=1)
@@ -207,18 +204,20 @@ def test_folders_with_other_results_are_refused(rods, tmp_path):
     with pytest.raises(UsageError, match="run folder of a movie"):
         run_scan(scene(), None, tmp_path, workers=1)
     (tmp_path / "run.json").rename(tmp_path / "runs.parquet")
-    with pytest.raises(UsageError, match="runs.parquet"):
+    with pytest.raises(UsageError, match=r"runs\.parquet"):
         run_scan(scene(), None, tmp_path, workers=1)
     assert rods.calls == []
     run_scan(scene(), None, tmp_path, workers=1, overwrite=True)
 
 
-def test_only_one_scan_works_in_a_folder(rods, tmp_path):
+@pytest.mark.usefixtures("rods")
+def test_only_one_scan_works_in_a_folder(tmp_path):
     with files.locked(tmp_path, "simulate scan"), pytest.raises(LockedError):
         run_scan(scene(), None, tmp_path, workers=1)
 
 
-def test_links_in_place_of_the_parts_are_not_followed(rods, tmp_path, whole):
+@pytest.mark.usefixtures("rods")
+def test_links_in_place_of_the_parts_are_not_followed(tmp_path, whole):
     outside = tmp_path / "outside"
     outside.mkdir()
     (tmp_path / "scan").mkdir()
@@ -229,14 +228,16 @@ def test_links_in_place_of_the_parts_are_not_followed(rods, tmp_path, whole):
 
 
 @pytest.mark.parametrize("name", ["scan.json", "runs.parquet", "shapes.npz"])
-def test_a_folder_that_lacks_a_result_is_no_scan(rods, tmp_path, name):
+@pytest.mark.usefixtures("rods")
+def test_a_folder_that_lacks_a_result_is_no_scan(tmp_path, name):
     run_scan(scene(), None, tmp_path, workers=1)
     (tmp_path / name).write_bytes(b"")
     with pytest.raises(InputError):
         read_scan(tmp_path)
 
 
-def test_shapes_of_other_runs_are_refused(rods, tmp_path):
+@pytest.mark.usefixtures("rods")
+def test_shapes_of_other_runs_are_refused(tmp_path):
     run_scan(scene(), None, tmp_path / "a", workers=1)
     run_scan(scene(lambda_eff=[0.3]), None, tmp_path / "b", workers=1)
     (tmp_path / "b" / "shapes.npz").replace(tmp_path / "a" / "shapes.npz")
