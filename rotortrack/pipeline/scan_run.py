@@ -18,7 +18,7 @@ import json
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -158,8 +158,9 @@ def run_scan(
         missing = [run for run in planned if run.number not in kept]
         make = functools.partial(simulate_run, scene, None if field is None else field.table)
         progress("scan", 0, len(missing))
-        with contextlib.closing(_results(make, missing, workers, executor)) as results:
-            for result in _keeping(results, parts):
+        made = _results(make, missing, workers, executor)
+        with contextlib.closing(_keeping(made, parts)) as results:
+            for result in results:
                 kept[result.row["run"]] = result
                 progress("scan", len(kept) - len(planned) + len(missing), len(missing))
         progress("write", 0, 0)
@@ -196,32 +197,32 @@ def _results(
     missing: Sequence[ScanRun],
     workers: int | None,
     executor: Executor | None,
-) -> Iterator[RunResult]:
+) -> Generator[RunResult, None, None]:
     """Simulate runs in their order; many are handed on ahead, as some take long."""
     workers = workers or default_workers()
     with contextlib.ExitStack() as stack:
         if executor is None and workers > 1:
             executor = stack.enter_context(ThreadPoolExecutor(workers))
         ahead = 1 if executor is None else _AHEAD * workers
-        with contextlib.closing(
-            map_ordered(make, missing, workers=ahead, executor=executor)
-        ) as results:
-            yield from results
+        yield from map_ordered(make, missing, workers=ahead, executor=executor)
 
 
-def _keeping(results: Iterator[RunResult], parts: Path) -> Iterator[RunResult]:
+def _keeping(
+    results: Generator[RunResult, None, None], parts: Path
+) -> Generator[RunResult, None, None]:
     """Keep runs on the disk every few seconds, and what was made when the scan is stopped."""
     part: list[RunResult] = []
     begun = time.monotonic()
     try:
-        for result in results:
-            follows = part and result.row["run"] == part[-1].row["run"] + 1
-            late = time.monotonic() - begun > _KEPT_EVERY_S
-            if part and (not follows or late or len(part) == _MOST_IN_PART):
-                whole, part, begun = part, [], time.monotonic()
-                write_part(parts, whole)
-            part.append(result)
-            yield result
+        with contextlib.closing(results):
+            for result in results:
+                follows = part and result.row["run"] == part[-1].row["run"] + 1
+                late = time.monotonic() - begun > _KEPT_EVERY_S
+                if part and (not follows or late or len(part) == _MOST_IN_PART):
+                    whole, part, begun = part, [], time.monotonic()
+                    write_part(parts, whole)
+                part.append(result)
+                yield result
     finally:
         if part:
             write_part(parts, part)

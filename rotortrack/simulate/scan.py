@@ -171,7 +171,8 @@ def phase_diagram(runs: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
     """
     charges = sorted(set(runs["lambda_eff"]))
     rows = []
-    for ratio, line in sorted(runs.groupby("flow_ratio"), reverse=True, key=lambda pair: pair[0]):
+    for ratio in sorted(set(runs["flow_ratio"]), reverse=True):
+        line = runs[runs["flow_ratio"] == ratio]
         cells = [line[line["lambda_eff"] == charge] for charge in charges]
         letters = ["".join(map(LETTERS.__getitem__, cell["end"])) for cell in cells]
         rows.append([f"{ratio:g}", *letters])

@@ -148,7 +148,7 @@ def make_scene(
             origins |= settings.origins
     if mistakes:
         raise ConfigurationError(*mistakes)
-    parts = {name: sections.get(name) for name in SCENE_SECTIONS}
+    parts: dict[str, Any] = {name: sections.get(name) for name in SCENE_SECTIONS}
     return Scene(**parts, settings=Settings(sections, origins), origin=origin)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import time
 from collections.abc import Callable
@@ -125,17 +126,25 @@ def rod(
     found = _field(console, scene, solve, table)
     from rotortrack.simulate.single import simulate_rod
 
-    begun = time.perf_counter()
+    assert scene.rod is not None
+    field = None if found is None else found.table
     with console.stage("rod"):
-        run, seen = simulate_rod(scene, None if found is None else found.table)
+        simulated = simulate_rod(scene.rod, scene.start, scene.stepping, field, scene.thermal)
+    run, seen = simulated.run, dataclasses.asdict(simulated.seen)
     run.save(output)
-    console.text(f"{run.end.value}")
-    rows = [[name, value] for name, value in seen.items() if value is not None]
-    console.table(["", ""], rows)
-    console.text(f"in {output}" + ("" if found is None else f"; field: {found.origin}"))
-    field_told = {} if found is None else {"field": found.origin}
+    console.text(run.end.sentence)
+    console.table(("", ""), [[name, value] for name, value in seen.items()])
+    origin = "none" if found is None else found.origin
+    console.text(f"in {output}; field: {origin}")
     console.json(
-        {"end": run.end.name, **seen, "seconds": time.perf_counter() - begun, **field_told}
+        {
+            "end": run.end.value,
+            **seen,
+            "simulated_us": run.simulated_us,
+            "n_steps": run.n_steps,
+            "seconds": run.seconds,
+            "field": origin,
+        }
     )
 
 
@@ -179,7 +188,7 @@ def scan(
             "runs": len(done.runs),
             "ends": done.facts["ends"],
             "seconds": seconds,
-            "field": None if found is None else found.origin,
+            "field": "none" if found is None else found.origin,
             "output": output,
         }
     )
