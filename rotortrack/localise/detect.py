@@ -125,6 +125,19 @@ def _noises(
         quantum = quantum_e * in_f
         layout = bands_of(height)
         filtered_noise(pixels, shape, offset, gain, *masks, taps, layout, quantum, noise)
+        crowded = np.flatnonzero(noise < 0.0)
+        if crowded.size:
+            finest, _, _ = measure_noise(
+                pixels.reshape(shape)[crowded].reshape(-1),
+                (crowded.size, height, width),
+                offset,
+                gain,
+                *masks,
+                taps,
+                quantum_e,
+                all_rows=False,
+            )
+            noise[crowded] = _crowded_noise(noise[crowded], finest * (in_f / in_f1))
     if needs - values.keys():
         finest, _, variance = measure_noise(
             pixels,
@@ -142,6 +155,22 @@ def _noises(
         if not on_f:
             values["noise(F)"] = finest * (in_f / in_f1)
     return values
+
+
+def _crowded_noise(bound: Any, white: Any) -> Any:
+    """Give the noise of F in frames so full that hardly a cell of F is free of spots.
+
+    A spot reaches half as far in F1, which then tells white noise far better than F does. Noise
+    smoother than white is underestimated from it: false candidates cost time, lost spots are lost.
+
+    Parameters
+    ----------
+    bound
+        What :func:`filtered_noise` gave, negative.
+    white
+        Noise of F told from F1 as if it were white.
+    """
+    return np.minimum(-bound, white)
 
 
 def _by_planes(
@@ -176,9 +205,9 @@ def _by_planes(
         if any(name.startswith("noise") for name in threshold.needs):
             finest = tile_noise(planes.f1, photons, quantum_e)
             values["noise(F1)"] = finest
-            values["noise(F)"] = (
-                plane_noise(planes.f, photons, quantum_e * in_f) if on_f else finest * in_f / in_f1
-            )
+            white = finest * in_f / in_f1
+            noise = plane_noise(planes.f, photons, quantum_e * in_f) if on_f else white
+            values["noise(F)"] = noise if noise >= 0.0 else float(_crowded_noise(noise, white))
         limit = max(np.float32(threshold.value(values)), _SMALLEST)
         maxima = local_maxima(planes.f, limit, connectivity, border)
         rows = np.empty((len(maxima), 3), np.int32)

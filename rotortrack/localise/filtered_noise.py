@@ -43,6 +43,9 @@ _GROUP_CELLS: Final = 8
 _OUTLIER: Final = 4.1
 """A pixel this many times the second quietest cell of a group belongs to a spot."""
 
+_FEWEST_QUIET: Final = 0.2
+"""Where fewer of the cells pass for quiet, most of these hold spots too, only fainter ones."""
+
 _ROUNDING: Final = 4e-6
 """Part of a frame's level that rounding in float32 may leave in the planes of a constant frame."""
 
@@ -75,7 +78,8 @@ def filtered_noise(
         What one count becomes in F (photo-electrons of a count times the filter's gain for white
         noise), 0 where counts are not whole.
     result
-        (frame,) receives the standard deviation, never below what rounding leaves.
+        (frame,) receives the standard deviation, never below what rounding leaves; negative where
+        hardly a cell is free of spots, and its absolute value is an upper bound.
     """
     frames, height, width = shape
     columns = FIRST_COLUMN + (width + 15) // 16 * 16 + 16
@@ -145,7 +149,8 @@ def filtered_noise(
             highest = max(highest, float(levels[lane]))
         rounding = _ROUNDING * highest
         noise = noise_of_cells(cell_tops, cell_squares, rounding)
-        result[k] = max(noise, rounding, _QUANTISATION * quantum)
+        least = max(rounding, _QUANTISATION * quantum)
+        result[k] = max(noise, least) if noise >= 0.0 else min(noise, -least)
 
 
 def bands_of(height: int) -> tuple[int, int, int]:
@@ -172,13 +177,13 @@ def noise_of_cells(
     Returns
     -------
     float
-        Standard deviation; 0 when all cells are constant. When no cell is free of spots, that of
-        the second quietest cells, an upper bound for most of the frame.
+        Standard deviation; 0 when all cells are constant. Negative when hardly a cell is free of
+        spots, since the value is an upper bound for most of the frame.
     """
     bands, cells = squares.shape
     groups = max(cells // _GROUP_CELLS, 1)
     least = rounding * rounding
-    summed, kept = 0.0, 0
+    summed, kept, telling = 0.0, 0, 0
     quiet_summed, quiet_groups = 0.0, 0
     for band in range(bands):
         for group in range(groups):
@@ -189,6 +194,7 @@ def noise_of_cells(
             for cell in range(first, last):
                 square = squares[band, cell]
                 if square > least:
+                    telling += 1
                     if square < quietest:
                         second = quietest
                         quietest = square
@@ -209,9 +215,12 @@ def noise_of_cells(
                 if squares[band, cell] > least and top < limit:
                     summed += squares[band, cell]
                     kept += 1
-    if kept > 0:
-        return math.sqrt(summed / kept)
-    return math.sqrt(quiet_summed / quiet_groups) if quiet_groups > 0 else 0.0
+    if telling == 0:
+        return 0.0
+    if kept == 0:
+        return -math.sqrt(quiet_summed / quiet_groups)
+    noise = math.sqrt(summed / kept)
+    return noise if kept >= _FEWEST_QUIET * telling else -noise
 
 
 def plane_noise(f: NDArray[np.float32], photons: NDArray[np.float32], quantum: float) -> float:
@@ -223,6 +232,11 @@ def plane_noise(f: NDArray[np.float32], photons: NDArray[np.float32], quantum: f
         (height, width) filtered plane, and the frame, which tells what rounding may leave.
     quantum
         What one count becomes in F.
+
+    Returns
+    -------
+    float
+        Negative where hardly a cell is free of spots, as in :func:`filtered_noise`.
     """
     height, width = f.shape
     band_rows, step, bands = bands_of(height)
@@ -235,7 +249,8 @@ def plane_noise(f: NDArray[np.float32], photons: NDArray[np.float32], quantum: f
     noise = noise_of_cells(
         np.abs(values).max(axis=(1, 3)), np.mean(values**2, axis=(1, 3)), rounding
     )
-    return max(noise, rounding, _QUANTISATION * quantum)
+    least = max(rounding, _QUANTISATION * quantum)
+    return max(noise, least) if noise >= 0.0 else min(noise, -least)
 
 
 def has_quiet_cells(height: int, width: int) -> bool:

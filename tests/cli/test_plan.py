@@ -24,13 +24,13 @@ def test_a_plan_is_one_screen_and_one_advice(call):
 def test_numbers_for_other_programs(call):
     told = call("plan", *ROTOR, *LIGHT, "--frames", 8000, "--speed-deg-s", 720, "--json").json
     assert told["speed_sd_deg_s"] == pytest.approx(np.degrees(np.sqrt(2 * 60 / 16)), rel=0.01)
-    assert told["smallest_speed_deg_s"] == pytest.approx((3.5 + 1.645) * 156.9, rel=0.02)
+    assert told["smallest_speed_deg_s"] == pytest.approx((3.0 + 1.645) * 156.9, rel=0.02)
     assert told["duration_needed_s"] == pytest.approx(
-        2 * 60 * 5.145**2 / (4 * np.pi) ** 2, rel=0.03
+        2 * 60 * 4.645**2 / (4 * np.pi) ** 2, rel=0.03
     )
     assert told["photons_needed"] is None
     assert told["localisation_sd_nm"] == pytest.approx(5.8, rel=0.05)
-    assert told["advice"].endswith("record 20.1 s.")
+    assert told["advice"].endswith("record 16.4 s.")
 
 
 def test_fewer_errors_ask_for_less(call):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import functools
 import json
@@ -159,9 +160,9 @@ def check_whole(folder: Path) -> list[str]:
             assert json.loads(line)["event"]
 
     def table(path: Path) -> None:
-        rows = path.read_text().splitlines()
         assert path.read_bytes().endswith(b"\n")
-        assert {row.count(",") for row in rows} == {rows[0].count(",")}
+        with path.open(newline="") as stream:
+            assert len({len(row) for row in csv.reader(stream, strict=True)}) == 1
 
     readers: dict[str, Callable[[Path], object]] = {
         ".parquet": parquet,

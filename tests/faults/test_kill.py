@@ -147,7 +147,7 @@ FUNCTIONS = {
     "correct": "rotortrack.pipeline.stages:correct",
     "rotors": "rotortrack.pipeline.stages:find",
     "motion": "rotortrack.pipeline.stages:move",
-    "tables": "rotortrack.pipeline.store:_write",
+    "tables": "rotortrack.pipeline.store:write",
 }
 """What each stage calls in its midst."""
 

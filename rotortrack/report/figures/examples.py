@@ -48,9 +48,8 @@ def figure(
         No kept rotor has a behaviour, angles and localisations.
     """
     kept = columns.kept(columns.need(rotors, "rotors", ["behaviour"]))
-    numbers = [int(n) for n in kept["rotor"]]
-    drawable = kept[[n in tracks and n in localisations for n in numbers]]
-    rows = clearest(drawable)
+    drawable = kept["rotor"].isin(list(tracks)) & kept["rotor"].isin(list(localisations))
+    rows = clearest(kept[drawable])
     if not rows:
         raise NothingToDrawError("no kept rotor has a behaviour and angles")
     across = 1 if len(rows) <= 2 else 2

@@ -22,8 +22,8 @@ def sample_field(
 ) -> None:
     """Write applied E, equilibrium E, flow and grad ln c to `out` (4, 3), bilinear."""
     r = math.sqrt(x * x + y * y)
-    i = min(max(np.searchsorted(r_nm, r) - 1, 0), r_nm.size - 2)
-    j = min(max(np.searchsorted(z_nm, z) - 1, 0), z_nm.size - 2)
+    i: int = min(max(int(np.searchsorted(r_nm, r)) - 1, 0), r_nm.size - 2)
+    j: int = min(max(int(np.searchsorted(z_nm, z)) - 1, 0), z_nm.size - 2)
     u = (r - r_nm[i]) / (r_nm[i + 1] - r_nm[i])
     v = (z - z_nm[j]) / (z_nm[j + 1] - z_nm[j])
     cx = x / r if r > 0.0 else 0.0

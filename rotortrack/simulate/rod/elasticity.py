@@ -52,7 +52,7 @@ def add_bending_force(
     Returns
     -------
     int
-        The last joint that turns by more than SHARPEST_DEG, -1 where none does. Its force is finite.
+        The last joint that turns by more than SHARPEST_DEG, at a finite force; -1 without one.
 
     Notes
     -----
@@ -69,11 +69,11 @@ def add_bending_force(
         bx = x[i + 1, 0] - x[i, 0]
         by = x[i + 1, 1] - x[i, 1]
         bz = x[i + 1, 2] - x[i, 2]
-        sum_ = edge2 + ax * bx + ay * by + az * bz
-        if sum_ < _SHARPEST * edge2:
+        weight = edge2 + ax * bx + ay * by + az * bz
+        if weight < _SHARPEST * edge2:
             folded = i
-            sum_ = max(sum_, _FLOOR * edge2)
-        inverse = 1.0 / sum_
+            weight = max(weight, _FLOOR * edge2)
+        inverse = 1.0 / weight
         kx = 2.0 * inverse * (ay * bz - az * by)
         ky = 2.0 * inverse * (az * bx - ax * bz)
         kz = 2.0 * inverse * (ax * by - ay * bx)
@@ -113,22 +113,24 @@ def bending_energy(x: NDArray[np.float64], rod: NDArray[np.float64]) -> float:
         bx = x[i + 1, 0] - x[i, 0]
         by = x[i + 1, 1] - x[i, 1]
         bz = x[i + 1, 2] - x[i, 2]
-        sum_ = max(edge2 + ax * bx + ay * by + az * bz, _FLOOR * edge2)
+        weight = max(edge2 + ax * bx + ay * by + az * bz, _FLOOR * edge2)
         kx = ay * bz - az * by
         ky = az * bx - ax * bz
         kz = ax * by - ay * bx
-        total += 4.0 * (kx * kx + ky * ky + kz * kz) / (sum_ * sum_)
-    return 0.5 * rod[BENDING_PN_NM2] / rod[EDGE_NM] * total
+        total += 4.0 * (kx * kx + ky * ky + kz * kz) / (weight * weight)
+    scale: float = 0.5 * rod[BENDING_PN_NM2] / rod[EDGE_NM]
+    return scale * total
 
 
 @kernel
-def add_bending_stiffness(
-    x: NDArray[np.float64], rod: NDArray[np.float64], bands: NDArray[np.float64]
+def joint_stiffness(
+    x: NDArray[np.float64], rod: NDArray[np.float64], stiffness: NDArray[np.float64]
 ) -> None:
-    """Add the stiffness K0 that an implicit step takes for the Hessian of the bending energy.
+    """Write each joint's share of the bending stiffness K0 that an implicit step takes.
 
-    K0 = B/l^3 D^T W D for each component, with D the second difference: exact across a straight
-    rod. W = sec^4(theta/2) = (1 + |kb|^2/4)^2 follows the growth of the Hessian in a bent joint.
+    K0 = D^T diag(stiffness) D for each component, with D the second difference. A share is
+    B/l^3 (3 s^2 - 2 s) with s = sec^2(theta/2): exact across a straight rod, and in the plane of a
+    bent joint, whose Hessian grows with the fourth power of the secant.
 
     Parameters
     ----------
@@ -136,23 +138,20 @@ def add_bending_stiffness(
         Vertices, nm, shape (n, 3).
     rod
         Parameters of the rod.
-    bands
-        Diagonal and the two upper ones, pN/nm, shape (3, n): bands[k, i] stands at (i, i + k).
+    stiffness
+        Share of each vertex, pN/nm, shape (n,); 0 at the ends.
     """
     edge2 = rod[EDGE_NM] * rod[EDGE_NM]
     scale = rod[BENDING_PN_NM2] / (edge2 * rod[EDGE_NM])
-    for i in range(1, x.shape[0] - 1):
+    n = x.shape[0]
+    stiffness[0] = 0.0
+    stiffness[n - 1] = 0.0
+    for i in range(1, n - 1):
         dot = edge2
         for c in range(3):
             dot += (x[i, c] - x[i - 1, c]) * (x[i + 1, c] - x[i, c])
         secant2 = 2.0 * edge2 / max(dot, _SHARPEST * edge2)
-        share = scale * secant2 * secant2
-        bands[0, i - 1] += share
-        bands[0, i] += 4.0 * share
-        bands[0, i + 1] += share
-        bands[1, i - 1] -= 2.0 * share
-        bands[1, i] -= 2.0 * share
-        bands[2, i - 1] += share
+        stiffness[i] = scale * secant2 * (3.0 * secant2 - 2.0)
 
 
 def check_shape(positions_nm: NDArray[np.float64]) -> None:
@@ -184,5 +183,5 @@ def check_shape(positions_nm: NDArray[np.float64]) -> None:
         angle = math.degrees(math.acos(max(cosines[joint - 1], -1.0)))
         raise RodError(
             f"the rod turns by {angle:.0f} degrees at vertex {joint}, more than the "
-            f"{SHARPEST_DEG:.0f} that its vertices can follow: raise n_vertices, or weaken the forces"
+            f"{SHARPEST_DEG:.0f} that its vertices can follow: raise n_vertices, or weaken forces"
         )

@@ -1,9 +1,9 @@
 """Explicit Euler steps of the rod, plain and by the paper's rule, for comparison.
 
 Both move by dt times the velocity of the constrained rod and then bring the links back to their
-length. The plain one has a fixed step. The paper's chooses each step so that no vertex moves by more
-than 20 pm, which knows nothing of stability: where the rod moves slowly the steps grow beyond what
-bending allows, the shape shakes, and only the shaking holds the steps back.
+length. The plain one has a fixed step. The paper's chooses each step so that no vertex moves by
+more than 20 pm, which knows nothing of stability: where the rod moves slowly the steps grow beyond
+what bending allows, the shape shakes, and only the shaking holds the steps back.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from rotortrack.simulate.rod.projection import constrained_velocity, project_len
 def longest_stable_step_us(rod: NDArray[np.float64]) -> float:
     """Longest explicit step that does not amplify bending: 2 zeta l^3 / (16 B), us.
 
-    zeta is the drag of an inner vertex. The stiffest mode is the zigzag; 0.415 ns for 51 vertices on 450 nm.
+    zeta is the drag of an inner vertex. The stiffest mode is the zigzag; 0.415 ns for 51 vertices
+    on 450 nm.
     """
     drag = rod[ZETA_PERP_PER_NM] * rod[FRICTION_LENGTH_NM]
     return float(drag * rod[EDGE_NM] ** 3 / (8.0 * rod[BENDING_PN_NM2]))

@@ -7,9 +7,9 @@ end of the step to first order, F(x + d) = F(x) - K d, and the links are kept by
     (Z / dt + theta K) d + J^T T = F(x)
     J d                          = 0
 
-K is the bending stiffness of a straight rod, B / l^3 times the squared second difference of each
-component (each joint's share multiplied by sec^4 of half its angle), the pull of stretched links across them, and the contact's Hessian. Unknowns are ordered
-d_0, T_0, d_1, T_1, ..., so the matrix is a band of half-width 8.
+K is the stiffness in bending of a straight rod with each joint's share raised by its angle
+(`add_bending_stiffness`), the pull of stretched links across them, and the contact's Hessian.
+Unknowns are ordered d_0, T_0, d_1, T_1, ..., so the matrix is a band of half-width 8.
 """
 
 from __future__ import annotations
@@ -186,9 +186,7 @@ def implicit_step(
         for c in range(3):
             moved[i, c] = x[i, c] + room.values[4 * i + c]
     edge = rod[EDGE_NM]
-    return (
-        project_lengths(moved, edge, shape.tangent, shape.drag, room.directions, room.tri) >= 0
-    )
+    return project_lengths(moved, edge, shape.tangent, shape.drag, room.directions, room.tri) >= 0
 
 
 @kernel

@@ -172,7 +172,11 @@ def _sample_within(
             return
         y = samples.positions_nm[k]
         if curved:
-            first, second, third = (2.0 * s - 1.0) * (s - 1.0), 4.0 * s * (1.0 - s), s * (2.0 * s - 1.0)
+            first, second, third = (
+                (2.0 * s - 1.0) * (s - 1.0),
+                4.0 * s * (1.0 - s),
+                s * (2.0 * s - 1.0),
+            )
         else:
             first, second, third = 1.0 - s, 0.0, s
         for i in range(x.shape[0]):
@@ -187,9 +191,7 @@ def _sample_within(
 
 
 @kernel
-def _finish(
-    x: NDArray[np.float64], t_us: float, turned: float, samples: Samples
-) -> None:
+def _finish(x: NDArray[np.float64], t_us: float, turned: float, samples: Samples) -> None:
     """Store the last shape, unless a sample is due at this very time."""
     numbers = samples.numbers
     numbers[TIME_US] = t_us
@@ -270,9 +272,7 @@ def integrate(
         error = 0.0
         if implicit:
             dt = min(step, left)
-            error = extrapolated_step(
-                x, rod, r_nm, z_nm, nodes, shape, other, dt, room, stages
-            )
+            error = extrapolated_step(x, rod, r_nm, z_nm, nodes, shape, other, dt, room, stages)
         else:
             dt = explicit_step(x, rod, shape, min(step, left), control.cap_nm, room, stages.moved)
             if not dt > 0.0:

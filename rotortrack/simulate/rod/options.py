@@ -64,6 +64,14 @@ class RodOptions(Options):
     end_weight: Literal["half", "full"] = option(
         "half", "friction of the two end vertices: half a segment's, or a whole one's"
     )
+    wall_drag: Literal["none", "cylinder"] = option(
+        "none",
+        "friction of motion beside the membrane: as far from it, or that of a cylinder near a wall "
+        "(the drag of the flow keeps its value)",
+    )
+    wall_gap_nm: float = option(
+        0.5, "layer of water that stays between rod and membrane in wall_drag, nm", gt=0
+    )
     wall: Literal["signed_distance", "z_only", "none"] = option(
         "signed_distance",
         "membrane: pushes along the shortest way out, only upwards (the paper), or absent",
@@ -101,7 +109,7 @@ class SteppingOptions(Options):
     )
     tolerance_nm: float = option(1e-2, "largest error of a vertex in an implicit step, nm", gt=0)
     step_us: float = option(1e-4, "step of explicit Euler, first implicit step, us", gt=0)
-    max_step_us: float = option(0.2, "longest implicit step, us", gt=0)
+    max_step_us: float = option(2.0, "longest implicit step, us", gt=0)
     cap_nm: float = option(0.02, "largest displacement in a step of the paper's rule, nm", gt=0)
     duration_us: float = option(200.0, "simulated time, us", gt=0)
     sample_us: float = option(0.2, "time between two stored shapes, us", gt=0)

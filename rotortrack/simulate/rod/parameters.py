@@ -60,7 +60,12 @@ LEASH_PN_NM = 20
 """Stiffness of a harmonic tether."""
 LEASH_PN = 21
 """Force scale kT/Lp of a worm-like tether."""
-PARAMETERS = 22
+WALL_DRAG = 22
+"""ln(L/d) + 0.84 of the rod far from the wall; 0 without the wall's friction."""
+HYDRODYNAMIC_RADIUS_NM = 23
+WALL_GAP_NM = 24
+"""Water between rod and membrane in contact."""
+PARAMETERS = 25
 """Length of the vector."""
 
 _LEASH = {"none": 0.0, "harmonic": 1.0, "worm_like": 2.0}
@@ -101,7 +106,7 @@ def rod_parameters(rod: RodOptions, pore: Pore | None) -> NDArray[np.float64]:
     Raises
     ------
     RodError
-        The rod is thicker than the pore or the rod too short for slender-body friction.
+        The rod is thicker than the pore, or too short for the friction of slender bodies.
     """
     values = np.zeros(PARAMETERS)
     edge_nm = rod.length_nm / (rod.n_vertices - 1)
@@ -134,6 +139,10 @@ def rod_parameters(rod: RodOptions, pore: Pore | None) -> NDArray[np.float64]:
             f"rod_radius_nm {rod.rod_radius_nm:g} must be below the pore's radius of "
             f"{pore.pore_radius_nm:g} nm: give a thinner rod or a wider pore"
         )
+    if rod.wall_drag == "cylinder":
+        values[WALL_DRAG] = _slenderness(rod)
+    values[HYDRODYNAMIC_RADIUS_NM] = rod.bundle_diameter_nm / 2.0
+    values[WALL_GAP_NM] = rod.wall_gap_nm
     values[LEASH] = _LEASH[rod.leash]
     values[LEASH_AT] = {
         "first": 0,
@@ -156,9 +165,13 @@ def friction_prefactor(rod: RodOptions) -> float:
     """
     if rod.friction == "resistive":
         return rod.friction_prefactor
+    return 4.0 * math.pi / _slenderness(rod)
+
+
+def _slenderness(rod: RodOptions) -> float:
     if rod.length_nm < 2.0 * rod.bundle_diameter_nm:
         raise RodError(
             f"bundle_diameter_nm {rod.bundle_diameter_nm:g} is no slender body at length_nm "
-            f"{rod.length_nm:g}: give friction = 'resistive' or a longer rod"
+            f"{rod.length_nm:g}: give friction = 'resistive', wall_drag = 'none', or a longer rod"
         )
-    return 4.0 * math.pi / (math.log(rod.length_nm / rod.bundle_diameter_nm) + 0.84)
+    return math.log(rod.length_nm / rod.bundle_diameter_nm) + 0.84

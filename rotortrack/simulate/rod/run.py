@@ -160,10 +160,10 @@ def run_rod(
     parameters = rod_parameters(rod, field)
     start = np.ascontiguousarray(start_nm, dtype=np.float64)
     _check_start(start, rod, parameters[EDGE_NM])
-    nodes = NO_NODES if field is None else (field.r_nm, field.z_nm, field.nodes)
+    r_nm, z_nm, nodes = NO_NODES if field is None else (field.r_nm, field.z_nm, field.nodes)
     samples = new_samples(stepping, rod.n_vertices)
     begin = time.perf_counter()
-    status = integrate(start, parameters, *nodes, control_of(stepping), samples)
+    status = integrate(start, parameters, r_nm, z_nm, nodes, control_of(stepping), samples)
     seconds = time.perf_counter() - begin
     raise_failure(status, samples, stepping)
     return collect(
@@ -208,9 +208,7 @@ def new_samples(stepping: SteppingOptions, n_vertices: int) -> Samples:
             f"{size * n_vertices * 24e-9:.0f} GB: give a larger sample_us"
         )
     count = int(size)
-    return Samples(
-        np.zeros(count), np.zeros((count, n_vertices, 3)), np.zeros(count), np.zeros(6)
-    )
+    return Samples(np.zeros(count), np.zeros((count, n_vertices, 3)), np.zeros(count), np.zeros(6))
 
 
 def collect(
@@ -230,8 +228,8 @@ def collect(
     numbers = end_numbers(
         **arrays,
         rod=parameters,
-        settled_us=counts[SETTLED_US],
-        deformation_nm_us=counts[DEFORMATION_NM_US],
+        settled_us=float(counts[SETTLED_US]),
+        deformation_nm_us=float(counts[DEFORMATION_NM_US]),
     )
     return RodRun(
         **arrays,
@@ -268,7 +266,7 @@ def raise_failure(status: int, samples: Samples, stepping: SteppingOptions) -> N
 
 
 def describe_field(field: FieldTable) -> dict[str, Any]:
-    """What a run remembers of its field."""
+    """List what a run remembers of its field."""
     return {
         "options": field.options,
         "voltage_v": field.voltage_v,

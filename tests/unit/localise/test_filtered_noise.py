@@ -165,7 +165,7 @@ def test_a_small_region_keeps_its_bright_spot():
     spot = 1500 / (2 * np.pi * 1.3**2) * np.exp(-((x - 9) ** 2 + (y - 10) ** 2) / (2 * 1.3**2))
     frames = np.random.default_rng(9).poisson(8 + spot, (5, 22, 20)).astype(np.float32)
     assert not has_quiet_cells(22, 20)
-    assert (measured(frames) > 5 * white_noise_gains(TAPS.tobytes())[0] * np.sqrt(8)).all()
+    assert (np.abs(measured(frames)) > 5 * white_noise_gains(TAPS.tobytes())[0] * np.sqrt(8)).all()
     assert candidates_per_frame(frames) == pytest.approx(1, abs=0.5)
 
 
@@ -204,4 +204,17 @@ def test_a_cell_with_a_spot_and_those_beside_it_do_not_count():
     tops = np.array([[2.0, 2.0, 3.0, 40.0, 3.0, 2.0, 2.0, 2.0]])
     assert noise_of_cells(tops, squares, 0.0) == 1.0
     assert noise_of_cells(tops, np.zeros_like(squares), 0.0) == 0.0
-    assert noise_of_cells(np.full((1, 8), 99.0), squares, 0.0) == 1.0
+    assert noise_of_cells(np.full((1, 8), 99.0), squares, 0.0) == -1.0
+
+
+@pytest.mark.parametrize("rest", ["", "+0*std(Wave.F2)"], ids=["streamed", "planes"])
+def test_a_frame_without_any_quiet_cell_still_shows_its_spots(rest):
+    frames = film(9, 1000, 300.0, frames=4)
+    assert np.all(measured(frames) < 0.0)
+    arrays = camera_arrays(CAMERA, np.dtype(np.float32))
+    threshold = parse_threshold(f"5.5*noise(Wave.F){rest}")
+    crowded = find_candidates(frames.astype(np.float32), arrays, threshold, taps=TAPS)
+    noise = measured(film(9, frames=4)).mean()
+    known = parse_threshold(f"{5.5 * noise}")
+    expected = find_candidates(frames.astype(np.float32), arrays, known, taps=TAPS)
+    assert len(crowded) > 0.85 * len(expected)
