@@ -8,7 +8,7 @@ end of the step to first order, F(x + d) = F(x) - K d, and the links are kept by
     J d                          = 0
 
 K is the stiffness in bending of a straight rod with each joint's share raised by its angle
-(`add_bending_stiffness`), the pull of stretched links across them, and the contact's Hessian.
+(`joint_stiffness`), the pull of stretched links across them, and the contact's Hessian.
 Unknowns are ordered d_0, T_0, d_1, T_1, ..., so the matrix is a band of half-width 8.
 """
 
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rotortrack.kernels import kernel
 from rotortrack.simulate.rod.banded import HALF_BAND, WIDTH, factor, solve
 from rotortrack.simulate.rod.contact import add_contact_hessian
-from rotortrack.simulate.rod.elasticity import add_bending_stiffness
+from rotortrack.simulate.rod.elasticity import joint_stiffness
 from rotortrack.simulate.rod.forces import total_force
 from rotortrack.simulate.rod.friction import drag_frames
 from rotortrack.simulate.rod.parameters import EDGE_NM
@@ -34,7 +34,7 @@ class Shape(NamedTuple):
     """What a step has to know at the shape from which it sets out.
 
     force (n, 3) in pN; tangent (n, 3); drag (n, 2) across and along, pN us/nm; stiffness in pN/nm:
-    bending (3, n), diagonal and the two beside it, and contact (n, 3, 3).
+    of the joints (n,), and of the contact (n, 3, 3).
     """
 
     force: NDArray[np.float64]
@@ -61,7 +61,7 @@ def new_shape(n: int) -> Shape:
         np.zeros((n, 3)),
         np.zeros((n, 3)),
         np.zeros((n, 2)),
-        np.zeros((3, n)),
+        np.zeros(n),
         np.zeros((n, 3, 3)),
     )
 
@@ -91,8 +91,7 @@ def look(
     """Write forces, friction and stiffness at x, (n, 3) in nm; return a folded joint or -1."""
     folded = total_force(x, rod, r_nm, z_nm, nodes, shape.force)
     drag_frames(x, rod, shape.tangent, shape.drag)
-    shape.bending[:] = 0.0
-    add_bending_stiffness(x, rod, shape.bending)
+    joint_stiffness(x, rod, shape.bending)
     shape.contact[:] = 0.0
     add_contact_hessian(x, rod, shape.contact)
     return folded
@@ -122,10 +121,18 @@ def _assemble(
             slope = along * shape.tangent[i, c]
             for d in range(c, 3):
                 row[d - c] = slope * shape.tangent[i, d] + theta * shape.contact[i, c, d]
-            row[0] += across + theta * shape.bending[0, i]
-            row[4] = theta * shape.bending[1, i]
-            row[8] = theta * shape.bending[2, i]
+            row[0] += across
             room.values[4 * i + c] = shape.force[i, c]
+    for i in range(1, n - 1):
+        share = theta * shape.bending[i]
+        for c in range(3):
+            j = 4 * (i - 1) + c
+            band[j, 0] += share
+            band[j, 4] -= 2.0 * share
+            band[j, 8] += share
+            band[j + 4, 0] += 4.0 * share
+            band[j + 4, 4] -= 2.0 * share
+            band[j + 8, 0] += share
     edge = rod[EDGE_NM]
     for i in range(n - 1):
         pull = theta * max(room.tension[i], 0.0) / edge

@@ -21,7 +21,13 @@ from rotortrack.simulate.rod.implicit import (
 )
 from rotortrack.simulate.rod.parameters import EDGE_NM
 from rotortrack.simulate.rod.projection import project_lengths
-from rotortrack.simulate.rod.watch import UNDECIDED, new_watch, turn_between, watch_rod
+from rotortrack.simulate.rod.watch import (
+    UNDECIDED,
+    copy_shape,
+    new_watch,
+    turn_between,
+    watch_rod,
+)
 
 IMPLICIT = 0
 EXPLICIT = 1
@@ -124,13 +130,16 @@ def extrapolated_step(
     About 50 us for 51 vertices without a field.
     """
     full, middle, moved = stages
-    if not implicit_step(x, rod, shape, dt_us, 1.0, room, full):
-        return np.inf
-    if not implicit_step(x, rod, shape, 0.5 * dt_us, 1.0, room, middle):
-        return np.inf
-    look(middle, rod, r_nm, z_nm, nodes, half_shape)
-    if not implicit_step(middle, rod, half_shape, 0.5 * dt_us, 1.0, room, moved):
-        return np.inf
+    # One call in a loop, as each that is written out takes the compiler seconds.
+    for stage in range(3):
+        begin, known, result, step = x, shape, full, dt_us
+        if stage == 1:
+            result, step = middle, 0.5 * dt_us
+        elif stage == 2:
+            look(middle, rod, r_nm, z_nm, nodes, half_shape)
+            begin, known, result, step = middle, half_shape, moved, 0.5 * dt_us
+        if not implicit_step(begin, rod, known, step, 1.0, room, result):
+            return np.inf
     error = 0.0
     for i in range(x.shape[0]):
         square = 0.0
@@ -198,7 +207,7 @@ def _finish(x: NDArray[np.float64], t_us: float, turned: float, samples: Samples
     k = int(numbers[STORED])
     if samples.time_us[k - 1] < t_us * (1.0 - 1e-9):
         samples.time_us[k] = t_us
-        samples.positions_nm[k] = x
+        copy_shape(x, samples.positions_nm[k])
         samples.turned_rad[k] = turned
         numbers[STORED] = k + 1
 
@@ -237,7 +246,8 @@ def integrate(
         TOO_STIFF.
     """
     n = start_nm.shape[0]
-    x = start_nm.copy()
+    x = np.empty((n, 3))
+    copy_shape(start_nm, x)
     shape = new_shape(n)
     other = new_shape(n)
     room = new_room(n)
@@ -248,7 +258,7 @@ def integrate(
     numbers[SETTLED_US] = np.nan
     numbers[DEFORMATION_NM_US] = np.nan
     samples.time_us[0] = 0.0
-    samples.positions_nm[0] = x
+    copy_shape(x, samples.positions_nm[0])
     samples.turned_rad[0] = 0.0
     numbers[STORED] = 1
     implicit = control.kind == IMPLICIT
@@ -298,7 +308,7 @@ def integrate(
         _sample_within(x, rod, shape, t, dt, turned, implicit, control, room, stages, samples)
         turned += turn_between(x, stages.moved, shape.drag)
         t += dt
-        x[:] = stages.moved
+        copy_shape(stages.moved, x)
         shape, other = other, shape
         numbers[STEPS] += 1
         if implicit:

@@ -47,12 +47,22 @@ class Watch(NamedTuple):
 
 
 @kernel
+def copy_shape(x: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """Copy vertices, (n, 3); a loop, as numba takes seconds to compile the assignment."""
+    for i in range(x.shape[0]):
+        for c in range(3):
+            target[i, c] = x[i, c]
+
+
+@kernel
 def new_watch(x: NDArray[np.float64]) -> Watch:
     """Begin to watch a rod at x, shape (n, 3) in nm."""
     numbers = np.zeros(6)
     numbers[2] = np.nan
     numbers[4] = np.inf
-    return Watch(x.copy(), numbers)
+    before = np.empty(x.shape)
+    copy_shape(x, before)
+    return Watch(before, numbers)
 
 
 @kernel
@@ -142,7 +152,7 @@ def watch_rod(
     numbers[2] = deformed
     numbers[3] = span
     numbers[4] = distance
-    before[:] = x
+    copy_shape(x, before)
     if numbers[5] >= 2.0:
         return SETTLED
     return LOST if lost else UNDECIDED
