@@ -176,7 +176,7 @@ def scan(
     from rotortrack.simulate.scan import phase_diagram
 
     begun = time.perf_counter()
-    with Stages(console) as stages:
+    with Stages(console, "runs") as stages:
         done = run_scan(scene, found, output, workers=workers, overwrite=overwrite, progress=stages)
     console.table(*phase_diagram(done.runs))
     ends = {end: count for end, count in done.facts["ends"].items() if count}

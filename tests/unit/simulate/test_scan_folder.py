@@ -15,6 +15,7 @@ from rotortrack import files
 from rotortrack.errors import InputError, LockedError, UsageError
 from rotortrack.exchange import parquet
 from rotortrack.pipeline import scan_run
+from rotortrack.parallel import process_pool
 from rotortrack.pipeline.scan_parts import DIMENSIONS
 from rotortrack.pipeline.scan_run import read_scan, run_scan
 from rotortrack.simulate.archive import read_archive, write_archive
@@ -243,3 +244,12 @@ def test_shapes_of_other_runs_are_refused(tmp_path):
     (tmp_path / "b" / "shapes.npz").replace(tmp_path / "a" / "shapes.npz")
     with pytest.raises(InputError, match="other runs"):
         read_scan(tmp_path / "a")
+
+
+def test_processes_give_the_same_bytes_as_this_one(tmp_path):
+    free = {"rod": {"n_vertices": 7}, "stepping": {"duration_us": 1.0}, "start": {"jitter_nm": 1.0}}
+    given = scene(free, lambda_eff=[0.1], flow_ratio=[90])
+    run_scan(given, None, tmp_path / "here", workers=1)
+    with process_pool(1) as executor:
+        run_scan(given, None, tmp_path / "there", workers=1, executor=executor)
+    assert bytes_of(tmp_path / "here") == bytes_of(tmp_path / "there")
