@@ -1,0 +1,1 @@
+"""Electric field, salt and water flow around a charged pore in a membrane."""
