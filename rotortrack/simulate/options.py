@@ -26,7 +26,8 @@ def _any(values: tuple[float, ...]) -> str | None:
 class ScanOptions(Options):
     """Which rods are simulated, each from every placement.
 
-    Charges and flow factors replace those of [rod], offsets those of [start]. The defaults are the 8 x 11 x 3 runs of the phase diagram.
+    Charges and flow factors replace those of [rod], offsets those of [start]. The defaults are the
+    8 x 11 x 3 runs of the phase diagram.
 
     Raises
     ------

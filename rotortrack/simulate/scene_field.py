@@ -6,18 +6,14 @@ import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from rotortrack.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from rotortrack.simulate.field.options import FieldOptions
-    from rotortrack.simulate.field.table import FieldTable
+from rotortrack.simulate.field.embedded import embedded_table
+from rotortrack.simulate.field.options import FieldOptions
+from rotortrack.simulate.field.table import LINEAR_TO_V, FieldTable, tabulate
 
 Source = Literal["embedded", "solved", "file"]
-
-LARGEST_SCALED_V = 0.2
-"""Up to this voltage fields are proportional to it within 2.5 %."""
 
 
 @dataclass(frozen=True)
@@ -65,49 +61,47 @@ def field_for(
     ConfigurationError
         Another pore or salt was asked for than that of the file, or than that of the embedded
         table where solving was refused; each difference is named.
+    FieldError
+        The file cannot be scaled to the voltage, or the equations did not converge.
+    ArchiveError
+        The file is no field.
     """
     begun = time.perf_counter()
     if file is not None:
-        from rotortrack.simulate.field.table import FieldTable
-
-        stored = FieldTable.load(file)
+        stored, origin = FieldTable.load(file), f"{file} at {options.voltage_v:g} V"
         differences = differences_of(options, stored)
         if differences:
             raise ConfigurationError(*(f"{file} was made with {word}" for word in differences))
-        table, origin = stored.scaled(options.voltage_v), f"{file} at {options.voltage_v:g} V"
+        table = stored.scaled(options.voltage_v)
         return SceneField(table, "file", origin, None, time.perf_counter() - begun)
     if not solve:
-        from rotortrack.simulate.field.embedded import embedded_table
-
         stored = embedded_table()
         differences = differences_of(options, stored)
-        if abs(options.voltage_v) > LARGEST_SCALED_V:
-            differences.append(f"voltages to {LARGEST_SCALED_V:g} V, not {options.voltage_v:g}")
+        if abs(options.voltage_v) > LINEAR_TO_V:
+            differences.append(f"voltages to {LINEAR_TO_V:g} V, not {options.voltage_v:g}")
         if not differences:
-            table = stored.scaled(options.voltage_v)
-            origin = f"embedded table, scaled to {options.voltage_v:g} V"
+            table, origin = stored.scaled(options.voltage_v), "embedded table"
+            if options.voltage_v != stored.voltage_v:
+                origin += f", scaled to {options.voltage_v:g} V"
             return SceneField(table, "embedded", origin, None, time.perf_counter() - begun)
         if solve is False:
             raise ConfigurationError(
-                *(f"the embedded table is for {word}: give --solve" for word in differences)
+                *(f"the embedded table is for {word}: leave --no-solve out" for word in differences)
             )
     from rotortrack.simulate.field.solve import solve_field
-    from rotortrack.simulate.field.table import tabulate
 
     solution = solve_field(options)
-    table = tabulate(solution)
-    return SceneField(
-        table, "solved", "solved for this scene", solution.unknowns, time.perf_counter() - begun
-    )
+    table, origin = tabulate(solution), f"solved for this scene, accuracy {options.accuracy}"
+    return SceneField(table, "solved", origin, solution.unknowns, time.perf_counter() - begun)
 
 
 def differences_of(options: FieldOptions, table: FieldTable) -> list[str]:
     """Say in which options, voltage and accuracy apart, a table is another field's."""
     wanted = dataclasses.asdict(options)
     return [
-        f"{name} = {table.options.get(name)}, not {value}"
+        f"{name} = {table.options[name]}, not {value}"
         for name, value in wanted.items()
-        if name not in _FREE and table.options.get(name) != value
+        if name not in _FREE and table.options[name] != value
     ]
 
 

@@ -14,8 +14,8 @@ import pytest
 from rotortrack import files
 from rotortrack.errors import InputError, LockedError, UsageError
 from rotortrack.exchange import parquet
-from rotortrack.pipeline import scan_run
 from rotortrack.parallel import process_pool
+from rotortrack.pipeline import scan_run
 from rotortrack.pipeline.scan_parts import DIMENSIONS
 from rotortrack.pipeline.scan_run import read_scan, run_scan
 from rotortrack.simulate.archive import read_archive, write_archive

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
-from rotortrack.errors import ConfigurationError
+from rotortrack.errors import ArchiveError, ConfigurationError, FieldError
+from rotortrack.simulate import scene_field
+from rotortrack.simulate.field import solve
 from rotortrack.simulate.field.embedded import embedded_table
 from rotortrack.simulate.field.options import FieldOptions
 from rotortrack.simulate.scene_field import field_for
@@ -13,19 +17,14 @@ from rotortrack.simulate.scene_field import field_for
 @pytest.fixture
 def solved(monkeypatch):
     """Stand for the solver; give the options that it was called with."""
-    import rotortrack.simulate.field.solve
-
     asked = []
-
-    class Solution:
-        unknowns = 12_345
 
     def solve_field(options):
         asked.append(options)
-        return Solution()
+        return SimpleNamespace(unknowns=12_345)
 
-    monkeypatch.setattr(rotortrack.simulate.field.solve, "solve_field", solve_field)
-    monkeypatch.setattr(rotortrack.simulate.field.table, "tabulate", lambda _: embedded_table())
+    monkeypatch.setattr(solve, "solve_field", solve_field)
+    monkeypatch.setattr(scene_field, "tabulate", lambda _: embedded_table())
     return asked
 
 
@@ -37,6 +36,7 @@ def test_the_default_field_at_another_voltage_is_the_embedded_one_scaled(solved)
     assert found.table.voltage_v == -0.05
     assert found.table.current_a == pytest.approx(-0.5 * embedded_table().current_a, rel=0.03)
     assert solved == []
+    assert field_for(FieldOptions()).table is embedded_table()
 
 
 @pytest.mark.parametrize(
@@ -71,3 +71,13 @@ def test_a_stored_field_is_scaled_and_one_of_another_pore_is_refused(tmp_path, s
     with pytest.raises(ConfigurationError, match=r"field\.npz .*surface_charge_e_nm2"):
         field_for(FieldOptions(surface_charge_e_nm2=-0.2), file=path)
     assert solved == []
+
+
+def test_a_stored_field_that_does_not_do_is_refused(tmp_path):
+    path = tmp_path / "field.npz"
+    embedded_table().save(path)
+    with pytest.raises(FieldError, match=r"0\.2 V"):
+        field_for(FieldOptions(voltage_v=0.5), file=path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(ArchiveError, match=r"field\.npz"):
+        field_for(FieldOptions(), file=path)
