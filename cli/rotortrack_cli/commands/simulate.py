@@ -71,6 +71,7 @@ _SCENE = (
 
 def _field_flags(function: _Function) -> _Function:
     """Add the choice of the field: `solve` and `table`."""
+    plain = click.option("--no-figures", is_flag=True, help="Write numbers alone.")
     solve = click.option(
         "--solve/--no-solve",
         default=None,
@@ -84,7 +85,7 @@ def _field_flags(function: _Function) -> _Function:
         metavar="FIELD.npz",
         help="Take the field that `rotortrack simulate field` wrote.",
     )
-    return solve(table(function))
+    return solve(table(plain(function)))
 
 
 @command.command("field", cls=StageCommand)
@@ -94,7 +95,12 @@ def _field_flags(function: _Function) -> _Function:
 @output_flags
 @click.pass_obj
 def field(
-    console: Console, scene: Scene, output: Path, solve: bool | None, table: Path | None
+    console: Console,
+    scene: Scene,
+    output: Path,
+    solve: bool | None,
+    table: Path | None,
+    no_figures: bool,
 ) -> None:
     """Solve potential, concentrations and flow around a pore: the section [field] of a scene."""
     _check_ending(output)
@@ -103,6 +109,10 @@ def field(
     assert found is not None
     found.table.save(output)
     made = found.table
+    if not no_figures:
+        from rotortrack.report.figures import canvas, nanopore
+
+        canvas.save_as(nanopore.figure(made), output.with_suffix(".png"))
     console.text(f"field of {found.origin}, in {output}")
     console.text(
         f"current {made.current_a:.4g} A (error {made.current_error_rel:.1g}), flow "
@@ -115,13 +125,30 @@ def field(
 @_scene_flags
 @output_option("ROD.npz", "Where shapes and angle over time are written.")
 @_field_flags
+@click.option(
+    "--animate",
+    "animation",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.gif|FILE.mp4",
+    help="Write the rod's motion as an animation, too.",
+)
 @output_flags
 @click.pass_obj
 def rod(
-    console: Console, scene: Scene, output: Path, solve: bool | None, table: Path | None
+    console: Console,
+    scene: Scene,
+    output: Path,
+    solve: bool | None,
+    table: Path | None,
+    no_figures: bool,
+    animation: Path | None,
 ) -> None:
     """Simulate one rod: [rod] of a scene, in its [field] and with [thermal] noise, if any."""
     _check_ending(output)
+    if animation is not None:
+        from rotortrack.report.rod_animation import check_ending
+
+        check_ending(animation)
     scene.require("rod")
     found = _field(console, scene, solve, table)
     from rotortrack.simulate.single import simulate_rod
@@ -132,6 +159,15 @@ def rod(
         simulated = simulate_rod(scene.rod, scene.start, scene.stepping, field, scene.thermal)
     run, seen = simulated.run, dataclasses.asdict(simulated.seen)
     run.save(output)
+    if not no_figures:
+        from rotortrack.report.figures import canvas, rod_run
+
+        picture = rod_run.figure(run, simulated.seen, field)
+        canvas.save_as(picture, output.with_suffix(".png"))
+    if animation is not None:
+        from rotortrack.report.rod_animation import animate
+
+        animate(run, animation, field)
     console.text(run.end.sentence)
     console.table(("", ""), [[name, value] for name, value in seen.items()])
     origin = "none" if found is None else found.origin
@@ -166,6 +202,7 @@ def scan(
     output: Path,
     solve: bool | None,
     table: Path | None,
+    no_figures: bool,
     workers: int | None,
     overwrite: bool,
 ) -> None:
@@ -178,6 +215,11 @@ def scan(
     begun = time.perf_counter()
     with Stages(console, "runs") as stages:
         done = run_scan(scene, found, output, workers=workers, overwrite=overwrite, progress=stages)
+    if not no_figures:
+        from rotortrack.report.figures import canvas, rod_scan
+
+        picture = rod_scan.figure(done.runs, done.time_us, done.turned_rad)
+        canvas.save_as(picture, output / "scan.png")
     console.table(*phase_diagram(done.runs))
     ends = {end: count for end, count in done.facts["ends"].items() if count}
     console.text(f"\n{len(done.runs)} runs in {output}: " + _counted(ends))

@@ -47,7 +47,7 @@ def figure(runs: pd.DataFrame, time_us: Floats, turned_rad: Floats) -> Figure:
     """
     made = canvas.new_figure(9.6, 7.6)
     turning = runs["end"] == "rotating_steadily"
-    canvas.heading(made, f"{len(runs)} simulated rods, {int(turning.sum())} rotate steadily", 0.3)
+    canvas.heading(made, f"{len(runs)} simulated rods, {int(turning.sum())} rotating steadily", 0.3)
     _diagram(made, canvas.place(made, 0.8, 4.15, 3.1, 2.5), runs)
     ends = canvas.place(made, 6.2, 4.35, 3.0, 2.3)
     angles = canvas.place(made, 0.8, 0.65, 3.1, 2.3)
