@@ -147,3 +147,14 @@ def test_explicit_steps_beyond_stability_end_in_an_error_or_stay_finite():
     stepping = SteppingOptions(method="explicit", step_us=5e-3, duration_us=1.0)
     with pytest.raises(RodError, match=r"^step [0-9]+ at .*(finite|folds)"):
         run_rod(rod, stepping, arc(radius_nm=90.0))
+
+
+def test_ends_that_barely_touch_the_wall_do_not_chatter():
+    """Extrapolation through contact and its loss kept two ends hopping, and the steps short."""
+    rod = RodOptions(lambda_eff=0.2, flow_ratio=60.0)
+    start = place_rod(rod, StartOptions(offset_x_nm=10.0, offset_y_nm=8.0), membrane_nm=20.0)
+    stepping = SteppingOptions(duration_us=200.0, sample_us=1.0)
+    run = run_rod(rod, stepping, start, toy_field(strength=0.3, slip=0.5))
+    assert run.n_steps + run.n_rejected < 1000
+    ends = run.positions_nm[-50:, [0, -1], 2]
+    assert np.ptp(ends, axis=0).max() < 1e-3

@@ -24,7 +24,7 @@ AWAY_RADII = 2.0
 TRANSLOCATED_PART = 0.5
 """A rod with more of its vertices than this below the trans face has translocated."""
 
-STILL_REV_S = 1.0
+STILL_REV_S = 10.0
 """Slowest rotation that is called one, rev/s."""
 
 STEADY_PART = 0.2

@@ -1,4 +1,14 @@
-"""A whole run of a rod in one compiled call: steps, error control, samples and what ends it."""
+"""A whole run of a rod in one compiled call: steps, error control, samples and what ends it.
+
+Implicit steps are taken in a frame that turns with the rod, x = R(spin t) y: field and membrane are
+bodies of revolution, so that y moves by the same forces less the drag of the turning frame,
+
+    Z dy/dt = F(y) - J^T T - Z (spin e_z x y).
+
+The spin is the mean rate of the step before, any value would do. A rod that turns steadily stands
+still in its frame: nothing is left to err about, steps grow, and what the run settles to satisfies
+the equation of the relative equilibrium itself, whatever the tolerance.
+"""
 
 from __future__ import annotations
 
@@ -74,11 +84,12 @@ class Samples(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """The shapes within one extrapolated step, each (n, 3)."""
+    """The shapes within one step, each (n, 3): in the turning frame, and the last one out of it."""
 
     full: NDArray[np.float64]
     middle: NDArray[np.float64]
     moved: NDArray[np.float64]
+    turned: NDArray[np.float64]
 
 
 @kernel
@@ -92,6 +103,37 @@ def is_finite(values: NDArray[np.float64]) -> bool:
 
 
 @kernel
+def _join_frame(x: NDArray[np.float64], spin: float, shape: Shape) -> None:
+    """Take the drag of a frame that turns by `spin` rad/us off the forces."""
+    for i in range(x.shape[0]):
+        vx = -spin * x[i, 1]
+        vy = spin * x[i, 0]
+        across = shape.drag[i, 0]
+        along = (shape.drag[i, 1] - across) * (shape.tangent[i, 0] * vx + shape.tangent[i, 1] * vy)
+        shape.force[i, 0] -= across * vx + along * shape.tangent[i, 0]
+        shape.force[i, 1] -= across * vy + along * shape.tangent[i, 1]
+        shape.force[i, 2] -= along * shape.tangent[i, 2]
+
+
+@kernel
+def _turn(x: NDArray[np.float64], angle: float, turned: NDArray[np.float64]) -> None:
+    """Turn vertices about the z axis."""
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    for i in range(x.shape[0]):
+        along = x[i, 0]
+        turned[i, 0] = cosine * along - sine * x[i, 1]
+        turned[i, 1] = sine * along + cosine * x[i, 1]
+        turned[i, 2] = x[i, 2]
+
+
+@kernel
+def _touches(shape: Shape, i: int) -> bool:
+    """Tell by its stiffness whether the wall touches a vertex, or a tether pulls it."""
+    return shape.contact[i, 0, 0] + shape.contact[i, 1, 1] + shape.contact[i, 2, 2] > 0.0
+
+
+@kernel
 def extrapolated_step(
     x: NDArray[np.float64],
     rod: NDArray[np.float64],
@@ -101,6 +143,7 @@ def extrapolated_step(
     shape: Shape,
     half_shape: Shape,
     dt_us: float,
+    spin: float,
     room: Room,
     stages: Stages,
 ) -> float:
@@ -108,16 +151,19 @@ def extrapolated_step(
 
     One implicit step of dt and two of dt/2 differ by as much as the two are off; twice the two
     less the one has no error of second order in dt left, for any stiffness matrix. The same
-    difference corrects the shape in the middle.
+    difference corrects the shape in the middle. A vertex that meets or leaves the wall within the
+    step is not extrapolated: there the difference is no power of dt, and adding it would throw the
+    vertex off the wall as far as it had sunk in, again and again.
 
     Parameters
     ----------
     x, rod, r_nm, z_nm, nodes, shape
-        Vertices, parameters, field and what `look` found at x.
-    half_shape, dt_us, room
-        Memory; the step; memory.
+        Vertices, parameters, field and what `look` found at x, less the drag of the frame.
+    half_shape, dt_us, spin, room
+        Memory; the step; rate of the turning frame, rad/us; memory.
     stages
-        Results `moved`, the shape after dt, and `middle`, that after dt/2, each of order 2.
+        Results in that frame: `moved`, the shape after dt, and `middle`, that after dt/2, each of
+        order 2.
 
     Returns
     -------
@@ -129,7 +175,7 @@ def extrapolated_step(
     -----
     About 50 us for 51 vertices without a field.
     """
-    full, middle, moved = stages
+    full, middle, moved, _ = stages
     # One call in a loop, as each that is written out takes the compiler seconds.
     for stage in range(3):
         begin, known, result, step = x, shape, full, dt_us
@@ -137,17 +183,20 @@ def extrapolated_step(
             result, step = middle, 0.5 * dt_us
         elif stage == 2:
             look(middle, rod, r_nm, z_nm, nodes, half_shape)
+            _join_frame(middle, spin, half_shape)
             begin, known, result, step = middle, half_shape, moved, 0.5 * dt_us
         if not implicit_step(begin, rod, known, step, 1.0, room, result):
             return np.inf
     error = 0.0
     for i in range(x.shape[0]):
         square = 0.0
+        smooth = _touches(shape, i) == _touches(half_shape, i)
         for c in range(3):
             difference = moved[i, c] - full[i, c]
             square += difference * difference
-            moved[i, c] += difference
-            middle[i, c] += 0.5 * difference
+            if smooth:
+                moved[i, c] += difference
+                middle[i, c] += 0.5 * difference
         error = max(error, square)
         if not math.isfinite(square):
             return np.inf
@@ -165,6 +214,7 @@ def _sample_within(
     begin_us: float,
     dt_us: float,
     turned: float,
+    spin: float,
     curved: bool,
     control: Control,
     room: Room,
@@ -195,7 +245,8 @@ def _sample_within(
                     y[i, c] += second * stages.middle[i, c]
         project_lengths(y, rod[EDGE_NM], shape.tangent, shape.drag, room.directions, room.tri)
         samples.time_us[k] = due
-        samples.turned_rad[k] = turned + turn_between(x, y, shape.drag)
+        samples.turned_rad[k] = turned + turn_between(x, y, shape.drag) + spin * s * dt_us
+        _turn(y, spin * s * dt_us, y)
         numbers[STORED] = k + 1
 
 
@@ -251,7 +302,7 @@ def integrate(
     shape = new_shape(n)
     other = new_shape(n)
     room = new_room(n)
-    stages = Stages(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)))
+    stages = Stages(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)))
     watch = new_watch(x)
     numbers = samples.numbers
     numbers[:] = 0.0
@@ -264,6 +315,7 @@ def integrate(
     implicit = control.kind == IMPLICIT
     t = 0.0
     turned = 0.0
+    spin = 0.0
     step = min(control.step_us, control.longest_us)
     folded = look(x, rod, r_nm, z_nm, nodes, shape)
     status = UNDECIDED
@@ -282,14 +334,17 @@ def integrate(
         error = 0.0
         if implicit:
             dt = min(step, left)
-            error = extrapolated_step(x, rod, r_nm, z_nm, nodes, shape, other, dt, room, stages)
+            error = extrapolated_step(
+                x, rod, r_nm, z_nm, nodes, shape, other, dt, spin, room, stages
+            )
         else:
             dt = explicit_step(x, rod, shape, min(step, left), control.cap_nm, room, stages.moved)
             if not dt > 0.0:
                 status = NOT_FINITE
                 break
         if error <= control.tolerance_nm:
-            folded = look(stages.moved, rod, r_nm, z_nm, nodes, other)
+            _turn(stages.moved, spin * dt, stages.turned)
+            folded = look(stages.turned, rod, r_nm, z_nm, nodes, other)
         grown = 0.9 * math.sqrt(control.tolerance_nm / max(error, 1e-30))
         if implicit and (error > control.tolerance_nm or folded >= 0):
             numbers[REJECTED] += 1
@@ -305,13 +360,16 @@ def integrate(
         if folded >= 0:
             status = FOLDED
             break
-        _sample_within(x, rod, shape, t, dt, turned, implicit, control, room, stages, samples)
-        turned += turn_between(x, stages.moved, shape.drag)
+        _sample_within(x, rod, shape, t, dt, turned, spin, implicit, control, room, stages, samples)
+        turn = turn_between(x, stages.moved, shape.drag) + spin * dt
+        turned += turn
         t += dt
-        copy_shape(stages.moved, x)
+        copy_shape(stages.turned, x)
         shape, other = other, shape
         numbers[STEPS] += 1
         if implicit:
+            spin = turn / dt
+            _join_frame(x, spin, shape)
             keep_tensions(room)
             # The last step is cut short by the end of the run and says nothing about the next.
             if dt == step or grown < 1.0:

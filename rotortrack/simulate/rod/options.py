@@ -109,7 +109,7 @@ class SteppingOptions(Options):
     )
     tolerance_nm: float = option(1e-2, "largest error of a vertex in an implicit step, nm", gt=0)
     step_us: float = option(1e-4, "step of explicit Euler, first implicit step, us", gt=0)
-    max_step_us: float = option(2.0, "longest implicit step, us", gt=0)
+    max_step_us: float = option(0.5, "longest implicit step, us", gt=0)
     cap_nm: float = option(0.02, "largest displacement in a step of the paper's rule, nm", gt=0)
     duration_us: float = option(200.0, "simulated time, us", gt=0)
     sample_us: float = option(0.2, "time between two stored shapes, us", gt=0)

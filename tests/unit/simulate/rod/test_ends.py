@@ -33,7 +33,7 @@ DOCKED = EndNumbers(
         ({"rate_rad_us": -100 * RATE}, RodEnd.TIME_REACHED),
         ({"rate_rad_us": 60 * RATE}, RodEnd.TIME_REACHED),
         ({"rate_rad_us": 60 * RATE, "settled": True}, RodEnd.ROTATING_STEADILY),
-        ({"rate_rad_us": 0.9 * RATE, "previous_rate_rad_us": -0.5 * RATE}, RodEnd.DOCKED_STILL),
+        ({"rate_rad_us": 9 * RATE, "previous_rate_rad_us": -5 * RATE}, RodEnd.DOCKED_STILL),
         ({"trans_part": 0.51}, RodEnd.TRANSLOCATED),
         ({"trans_part": 0.5}, RodEnd.ROTATING_STEADILY),
         ({"lowest_nm": 4.1}, RodEnd.NOT_DOCKED),
