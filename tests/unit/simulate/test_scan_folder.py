@@ -228,6 +228,15 @@ def test_links_in_place_of_the_parts_are_not_followed(tmp_path, whole):
     assert bytes_of(tmp_path / "scan") == whole
 
 
+@pytest.mark.usefixtures("rods")
+def test_what_else_lies_in_the_folder_stays(tmp_path):
+    (tmp_path / "parts" / "drawings").mkdir(parents=True)
+    (tmp_path / "notes.txt").write_text("mine")
+    run_scan(scene(), None, tmp_path, workers=1, overwrite=True)
+    assert (tmp_path / "parts" / "drawings").is_dir()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
 @pytest.mark.parametrize("name", ["scan.json", "runs.parquet", "shapes.npz"])
 @pytest.mark.usefixtures("rods")
 def test_a_folder_that_lacks_a_result_is_no_scan(tmp_path, name):
