@@ -166,7 +166,9 @@ def run_scan(
         progress("write", 0, 0)
         whole = [kept[run.number] for run in planned]
         _write(folder, whole, record, facts, time.perf_counter() - begun)
-        shutil.rmtree(folder / "parts", ignore_errors=True)
+        shutil.rmtree(parts, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            parts.parent.rmdir()
         return read_scan(folder)
 
 

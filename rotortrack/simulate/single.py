@@ -52,8 +52,5 @@ def simulate_rod(
     """
     membrane_nm = 0.0 if field is None else field.membrane_nm
     placed = place_rod(rod, start, membrane_nm=membrane_nm)
-    if thermal is None:
-        run = run_rod(rod, stepping, placed, field)
-    else:
-        run = run_rod(rod, stepping, placed, field, thermal)
+    run = run_rod(rod, stepping, placed, field, thermal)
     return Simulated(run, observe_run(run, rod, field))

@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotortrack.errors import RodError
+from rotortrack.simulate import scan
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_data" / "scenes"
 
@@ -163,9 +166,20 @@ def test_a_scan_is_made_told_and_not_made_again(call, scene, tmp_path) -> None:
     assert replaced.code == 0
 
 
-def test_a_scan_whose_rods_all_fail_says_so(call, scene, tmp_path) -> None:
+def test_a_rod_that_cannot_be_made_is_told_before_the_scan(call, scene, tmp_path) -> None:
     thick = SCAN.replace("[rod]", "[rod]\nrod_radius_nm = 30")
     done = call("simulate", "scan", scene(thick), "-o", tmp_path / "scan")
     assert done.code == 3
     assert "rod_radius_nm" in done.err
     assert not (tmp_path / "scan").exists()
+
+
+def test_runs_that_fail_are_counted_and_the_first_is_explained(call, scene, tmp_path, monkeypatch):
+    def fail(*_):
+        raise RodError("step 3 at 1 us: a vertex is not finite: give a shorter step_us")
+
+    monkeypatch.setattr(scan, "simulate_rod", fail)
+    done = call("simulate", "scan", scene(SCAN), "-o", tmp_path / "scan", "--workers", "1")
+    assert done.code == 0
+    assert "2 runs; the first: step 3 at 1 us" in done.out
+    assert done.out.splitlines()[1].split() == ["90", "x", "x"]

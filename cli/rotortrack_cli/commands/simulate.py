@@ -224,6 +224,9 @@ def scan(
     ends = {end: count for end, count in done.facts["ends"].items() if count}
     console.text(f"\n{len(done.runs)} runs in {output}: " + _counted(ends))
     console.text("N not docked, D docked and still, R rotating, T translocated, u undecided")
+    problems = [sentence for sentence in done.runs["problem"] if sentence]
+    if problems:
+        console.text(f"x could not be simulated, {len(problems)} runs; the first: {problems[0]}")
     seconds = time.perf_counter() - begun
     console.json(
         {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from rotortrack.errors import RodError
 from rotortrack.settings import Layer
 from rotortrack.simulate.rod.ends import RodEnd
+from rotortrack.simulate.rod.observe import Observation
 from rotortrack.simulate.scene import Scene, make_scene
 
 GRID: dict[str, Any] = {
@@ -25,19 +25,6 @@ def scene(sections: dict[str, dict[str, Any]] | None = None, **scan: Any) -> Sce
     """A scene with a short rod and a grid of twelve runs."""
     values = {"rod": {"n_vertices": 5}, "scan": {**GRID, **scan}, **(sections or {})}
     return make_scene([Layer("test", values)])
-
-
-@dataclass(frozen=True)
-class Seen:
-    rate_rev_s: float
-    rate_tip_rev_s: float
-    end_to_end_nm: float
-    end_to_end_xy_nm: float
-    shape: str = "s"
-    handedness: int = 1
-    torque_pn_nm: float = 2.0
-    friction_pn_nm_s: float = 0.1
-    power_pn_nm_s: float = 3.0
 
 
 class FakeRods:
@@ -69,4 +56,6 @@ class FakeRods:
             end=ends[int(rng.integers(len(ends)))],
             n_steps=int(rng.integers(1000)),
         )
-        return SimpleNamespace(run=run, seen=Seen(rate, rate, *rng.uniform(50, 450, 2)))
+        seen = {name: rng.uniform(50, 450) for name in Observation.__annotations__}
+        seen |= {"rate_rev_s": rate, "shape": "U", "handedness": -1}
+        return SimpleNamespace(run=run, seen=Observation(**seen))

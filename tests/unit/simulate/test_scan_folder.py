@@ -228,6 +228,15 @@ def test_links_in_place_of_the_parts_are_not_followed(tmp_path, whole):
     assert bytes_of(tmp_path / "scan") == whole
 
 
+@pytest.mark.usefixtures("rods")
+def test_what_else_lies_in_the_folder_stays(tmp_path):
+    (tmp_path / "parts" / "drawings").mkdir(parents=True)
+    (tmp_path / "notes.txt").write_text("mine")
+    run_scan(scene(), None, tmp_path, workers=1, overwrite=True)
+    assert (tmp_path / "parts" / "drawings").is_dir()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
 @pytest.mark.parametrize("name", ["scan.json", "runs.parquet", "shapes.npz"])
 @pytest.mark.usefixtures("rods")
 def test_a_folder_that_lacks_a_result_is_no_scan(tmp_path, name):
@@ -253,3 +262,20 @@ def test_processes_give_the_same_bytes_as_this_one(tmp_path):
     with process_pool(1) as executor:
         run_scan(given, None, tmp_path / "there", workers=1, executor=executor)
     assert bytes_of(tmp_path / "here") == bytes_of(tmp_path / "there")
+
+
+def test_noise_is_that_of_the_seed_and_of_the_run(tmp_path):
+    noisy = {
+        "rod": {"n_vertices": 7},
+        "stepping": {"duration_us": 0.5},
+        "thermal": {"step_us": 1e-3, "seed": 4},
+    }
+    shapes = []
+    for folder, change in (("a", {}), ("b", {}), ("c", {"seed": 5})):
+        sections = {**noisy, "thermal": {**noisy["thermal"], **change}}
+        given = scene(sections, lambda_eff=[0.1], flow_ratio=[90])
+        shapes.append(run_scan(given, None, tmp_path / folder, workers=1).shape_nm)
+    np.testing.assert_array_equal(shapes[0], shapes[1])
+    assert not np.array_equal(shapes[0], shapes[2])
+    first, second = shapes[0] - shapes[0].mean(axis=1, keepdims=True)
+    assert not np.allclose(first, second)
