@@ -98,7 +98,7 @@ def look(
 
 
 @kernel
-def _assemble(
+def assemble(
     x: NDArray[np.float64],
     rod: NDArray[np.float64],
     shape: Shape,
@@ -185,7 +185,7 @@ def implicit_step(
     """
     n = x.shape[0]
     size = 4 * n - 1
-    _assemble(x, rod, shape, dt_us, theta, room)
+    assemble(x, rod, shape, dt_us, theta, room)
     if factor(room.band, size) != n - 1:
         return False
     solve(room.band, size, room.values)

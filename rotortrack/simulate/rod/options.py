@@ -152,6 +152,9 @@ class ThermalOptions(Options):
         ge=0,
         le=1,
     )
+    metric_force: bool = option(
+        False, "take away what rigid links prefer to stiff springs (below 1 % of the stiffness)"
+    )
 
 
 CORRECTED: dict[str, dict[str, Any]] = {"rod": {}, "stepping": {}}

@@ -62,7 +62,7 @@ def link_directions(x: NDArray[np.float64], directions: NDArray[np.float64]) -> 
 
 
 @kernel
-def _mobility_matrix(
+def mobility_matrix(
     directions: NDArray[np.float64],
     tangent: NDArray[np.float64],
     drag: NDArray[np.float64],
@@ -133,7 +133,7 @@ def constrained_velocity(
     for i in range(n):
         velocity[i] = 0.0
         add_mobile(tangent, drag, i, 1.0, force[i], velocity[i])
-    _mobility_matrix(directions, tangent, drag, tri)
+    mobility_matrix(directions, tangent, drag, tri)
     for i in range(n - 1):
         tri[2, i] = 0.0
         for c in range(3):
@@ -200,7 +200,7 @@ def project_lengths(
             return solves
         if not worst < 0.5 * edge_nm:
             return -1
-        _mobility_matrix(directions, tangent, drag, tri)
+        mobility_matrix(directions, tangent, drag, tri)
         _solve_tridiagonal(tri, n - 1)
         _push_links(directions, tangent, drag, tri[2], x)
     return -1

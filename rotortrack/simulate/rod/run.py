@@ -34,8 +34,9 @@ from rotortrack.simulate.rod.integrate import (
     Samples,
     integrate,
 )
-from rotortrack.simulate.rod.options import RodOptions, SteppingOptions
+from rotortrack.simulate.rod.options import RodOptions, SteppingOptions, ThermalOptions
 from rotortrack.simulate.rod.parameters import EDGE_NM, rod_parameters
+from rotortrack.simulate.rod.thermal import integrate_noisy
 
 if TYPE_CHECKING:
     from rotortrack.simulate.field.table import FieldTable
@@ -66,6 +67,8 @@ class RodRun:
         The options of the run.
     about_field
         What the field says of itself; None without one.
+    thermal
+        Options of the noise; None without.
     seconds
         Time that the run took.
     """
@@ -80,6 +83,7 @@ class RodRun:
     rod: RodOptions
     stepping: SteppingOptions
     about_field: dict[str, Any] | None = None
+    thermal: ThermalOptions | None = None
     seconds: float = dataclasses.field(default=math.nan, compare=False)
 
     @property
@@ -98,6 +102,7 @@ class RodRun:
             "rod": dataclasses.asdict(self.rod),
             "stepping": dataclasses.asdict(self.stepping),
             "field": self.about_field,
+            "thermal": None if self.thermal is None else dataclasses.asdict(self.thermal),
             "seconds": self.seconds,
         }
         write_archive(path, {name: getattr(self, name) for name in _DIMENSIONS}, about)
@@ -126,6 +131,7 @@ class RodRun:
                 rod=RodOptions(**about["rod"]),
                 stepping=SteppingOptions(**about["stepping"]),
                 about_field=about["field"],
+                thermal=None if about["thermal"] is None else ThermalOptions(**about["thermal"]),
                 seconds=float(about["seconds"]),
             )
         except (KeyError, TypeError, ValueError, ConfigurationError) as error:
@@ -139,6 +145,7 @@ def run_rod(
     stepping: SteppingOptions,
     start_nm: NDArray[np.float64],
     field: FieldTable | None = None,
+    thermal: ThermalOptions | None = None,
 ) -> RodRun:
     """Let a rod go from its start until an end.
 
@@ -150,6 +157,8 @@ def run_rod(
         Vertices, nm, shape (n_vertices, 3), all links of the rod's link length (`place_rod`).
     field
         Field of a pore; without it there is neither field, flow nor membrane.
+    thermal
+        Noise, by the method of `thermal`; without it no random number is drawn.
 
     Raises
     ------
@@ -163,7 +172,11 @@ def run_rod(
     r_nm, z_nm, nodes = NO_NODES if field is None else (field.r_nm, field.z_nm, field.nodes)
     samples = new_samples(stepping, rod.n_vertices)
     begin = time.perf_counter()
-    status = integrate(start, parameters, r_nm, z_nm, nodes, control_of(stepping), samples)
+    control = control_of(stepping)
+    if thermal is None:
+        status = integrate(start, parameters, r_nm, z_nm, nodes, control, samples)
+    else:
+        status = integrate_noisy(start, parameters, r_nm, z_nm, nodes, control, thermal, samples)
     seconds = time.perf_counter() - begin
     raise_failure(status, samples, stepping)
     return collect(
@@ -173,6 +186,7 @@ def run_rod(
         rod=rod,
         stepping=stepping,
         about_field=None if field is None else describe_field(field),
+        thermal=thermal,
         seconds=seconds,
     )
 
@@ -220,6 +234,7 @@ def collect(
     stepping: SteppingOptions,
     about_field: dict[str, Any] | None,
     seconds: float,
+    thermal: ThermalOptions | None = None,
 ) -> RodRun:
     """Name the end of what `integrate` wrote and put it into a run."""
     counts = samples.numbers
@@ -240,6 +255,7 @@ def collect(
         rod=rod,
         stepping=stepping,
         about_field=about_field,
+        thermal=thermal,
         seconds=seconds,
     )
 
