@@ -39,6 +39,12 @@ class TableError(InputError):
     """A table lacks columns or holds values that cannot be used."""
 
 
+class FieldError(RotortrackError):
+    """A nanopore's field cannot be solved, read or used as asked."""
+
+    exit_code = 3
+
+
 class ArchiveError(InputError):
     """A file of simulated results cannot be used."""
 

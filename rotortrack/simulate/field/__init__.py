@@ -1,1 +1,1 @@
-"""The field, the flow and the salt around a charged nanopore in a membrane."""
+"""Electric field, salt and water flow around a charged pore in a membrane."""

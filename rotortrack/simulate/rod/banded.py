@@ -87,3 +87,76 @@ def solve(band: NDArray[np.float64], size: int, values: NDArray[np.float64]) -> 
         for k in range(1, HALF_BAND + 1):
             value -= row[k] * values[j + k]
         values[j] = value
+
+
+@kernel
+def factor_general(band: NDArray[np.float64], low: NDArray[np.float64], size: int) -> int:
+    """Factor A = L U in place, for a matrix of symmetric shape and unsymmetric values.
+
+    Pivots are not sought here either: the matrices are those of `factor` with something small and
+    unsymmetric added.
+
+    Parameters
+    ----------
+    band
+        As in `factor`: the upper half of A on entry; on return the inverse pivots and the rows of U
+        over them.
+    low
+        Of the same shape, the lower half: row j holds at k > 0 A[j + k, j]; on return L D.
+    size
+        Number of unknowns.
+
+    Returns
+    -------
+    int
+        Number of negative pivots; -1 when a pivot is zero or not finite.
+
+    Notes
+    -----
+    Costs 128 multiplications an unknown.
+    """
+    negative = 0
+    for j in range(size):
+        row = band[j]
+        column = low[j]
+        pivot = row[0]
+        if not (pivot != 0.0 and abs(pivot) < np.inf):
+            return -1
+        if pivot < 0.0:
+            negative += 1
+        inverse = 1.0 / pivot
+        for i in range(1, HALF_BAND + 1):
+            row[i] *= inverse
+        for i in range(1, HALF_BAND + 1):
+            left = column[i]
+            right = row[i]
+            below = band[j + i]
+            beside = low[j + i]
+            for k in range(HALF_BAND):
+                below[k] -= left * row[i + k]
+                beside[k] -= right * column[i + k]
+        row[0] = inverse
+    return negative
+
+
+@kernel
+def solve_general(
+    band: NDArray[np.float64], low: NDArray[np.float64], size: int, values: NDArray[np.float64]
+) -> None:
+    """Solve A x = b in place with the halves from `factor_general`; as `solve` otherwise."""
+    for j in range(size, size + HALF_BAND):
+        values[j] = 0.0
+    for j in range(size):
+        column = low[j]
+        value = values[j] * band[j, 0]
+        values[j] = value
+        for k in range(1, HALF_BAND + 1):
+            values[j + k] -= column[k] * value
+    for j in range(size, size + HALF_BAND):
+        values[j] = 0.0
+    for j in range(size - 1, -1, -1):
+        row = band[j]
+        value = values[j]
+        for k in range(1, HALF_BAND + 1):
+            value -= row[k] * values[j + k]
+        values[j] = value

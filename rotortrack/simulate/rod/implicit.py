@@ -8,7 +8,8 @@ end of the step to first order, F(x + d) = F(x) - K d, and the links are kept by
     J d                          = 0
 
 K is the stiffness in bending of a straight rod with each joint's share raised by its angle
-(`joint_stiffness`), the pull of stretched links across them, and the contact's Hessian.
+(`joint_stiffness`), the pull of stretched links across them, the contact's Hessian, and the slope
+of the field's force, which alone is not symmetric.
 Unknowns are ordered d_0, T_0, d_1, T_1, ..., so the matrix is a band of half-width 8.
 """
 
@@ -21,9 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.kernels import kernel
-from rotortrack.simulate.rod.banded import HALF_BAND, WIDTH, factor, solve
+from rotortrack.simulate.rod.banded import (
+    HALF_BAND,
+    WIDTH,
+    factor,
+    factor_general,
+    solve,
+    solve_general,
+)
 from rotortrack.simulate.rod.contact import add_contact_hessian
 from rotortrack.simulate.rod.elasticity import joint_stiffness
+from rotortrack.simulate.rod.field_stiffness import add_to_halves
 from rotortrack.simulate.rod.forces import total_force
 from rotortrack.simulate.rod.friction import drag_frames
 from rotortrack.simulate.rod.parameters import EDGE_NM
@@ -52,6 +61,8 @@ class Room(NamedTuple):
     directions: NDArray[np.float64]
     tri: NDArray[np.float64]
     tension: NDArray[np.float64]
+    low: NDArray[np.float64]
+    field: NDArray[np.float64]
 
 
 @kernel
@@ -67,15 +78,22 @@ def new_shape(n: int) -> Shape:
 
 
 @kernel
-def new_room(n: int) -> Room:
-    """Make room for the linear algebra of n vertices; no link is under tension."""
+def new_room(n: int, in_field: bool = False) -> Room:
+    """Make room for the linear algebra of n vertices; no link is under tension.
+
+    In a field there is room for its stiffness too, `field` (n - 1, 3, 3) in pN/nm, which whoever
+    steps keeps up to date.
+    """
     size = 4 * n - 1 + HALF_BAND
+    links = n - 1 if in_field else 0
     return Room(
         np.zeros((size, WIDTH)),
         np.zeros(size),
         np.zeros((n - 1, 3)),
         np.zeros((3, n - 1)),
         np.zeros(n - 1),
+        np.zeros((size if in_field else 0, WIDTH)),
+        np.zeros((links, 3, 3)),
     )
 
 
@@ -106,7 +124,7 @@ def assemble(
     theta: float,
     room: Room,
 ) -> None:
-    """Write the matrix and the right-hand side of one step."""
+    """Write the symmetric part of the matrix, all but the field's, and the right-hand side."""
     n = x.shape[0]
     band = room.band
     directions = room.directions
@@ -147,6 +165,18 @@ def assemble(
 
 
 @kernel
+def _add_field(room: Room, size: int, theta: float) -> None:
+    """Copy the assembled half to the other side and add the field's stiffness to both."""
+    for j in range(size):
+        for k in range(1, HALF_BAND + 1):
+            room.low[j, k] = room.band[j, k]
+    for j in range(size, size + HALF_BAND):
+        for k in range(WIDTH):
+            room.low[j, k] = 0.0
+    add_to_halves(room.field, theta, room.band, room.low)
+
+
+@kernel
 def implicit_step(
     x: NDArray[np.float64],
     rod: NDArray[np.float64],
@@ -158,8 +188,8 @@ def implicit_step(
 ) -> bool:
     """Write the shape after dt to `moved`, links at their length; False where that fails.
 
-    Order 1 in time. Stable at any step in bending, contact and the pull of stretched links;
-    compression and fields are explicit.
+    Order 1 in time. Stable at any step in bending, contact, the pull of stretched links and, where
+    the room holds its stiffness, in the field; the push of compressed links is explicit.
 
     Parameters
     ----------
@@ -181,14 +211,22 @@ def implicit_step(
 
     Notes
     -----
-    About 15 us for 51 vertices.
+    About 15 us for 51 vertices, 20 us in a field.
     """
     n = x.shape[0]
     size = 4 * n - 1
     assemble(x, rod, shape, dt_us, theta, room)
-    if factor(room.band, size) != n - 1:
-        return False
-    solve(room.band, size, room.values)
+    # Other signs of the pivots mean a step longer than it takes an unstable shape to grow e-fold,
+    # after which the equations would hold the rod where it cannot stay.
+    if room.field.shape[0] > 0:
+        _add_field(room, size, theta)
+        if factor_general(room.band, room.low, size) != n - 1:
+            return False
+        solve_general(room.band, room.low, size, room.values)
+    else:
+        if factor(room.band, size) != n - 1:
+            return False
+        solve(room.band, size, room.values)
     for i in range(n):
         for c in range(3):
             moved[i, c] = x[i, c] + room.values[4 * i + c]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rotortrack.kernels import kernel
 from rotortrack.simulate.rod.explicit import explicit_step
+from rotortrack.simulate.rod.field_stiffness import write_field_stiffness
 from rotortrack.simulate.rod.implicit import (
     Room,
     Shape,
@@ -176,6 +177,8 @@ def extrapolated_step(
     About 50 us for 51 vertices without a field.
     """
     full, middle, moved, _ = stages
+    if room.field.shape[0] > 0:
+        write_field_stiffness(x, rod, r_nm, z_nm, nodes, room.field)
     # One call in a loop, as each that is written out takes the compiler seconds.
     for stage in range(3):
         begin, known, result, step = x, shape, full, dt_us
@@ -301,7 +304,7 @@ def integrate(
     copy_shape(start_nm, x)
     shape = new_shape(n)
     other = new_shape(n)
-    room = new_room(n)
+    room = new_room(n, control.kind == IMPLICIT and nodes.size > 0)
     stages = Stages(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)))
     watch = new_watch(x)
     numbers = samples.numbers

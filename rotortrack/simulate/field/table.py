@@ -1,0 +1,277 @@
+"""Tables of a field: what the rod reads, saves of solved fields, and scaling with the voltage."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rotortrack.errors import ArchiveError, FieldError
+from rotortrack.simulate.archive import read_archive, write_archive
+from rotortrack.simulate.field.grading import Grading, graded, graded_both
+from rotortrack.simulate.field.options import FieldOptions
+from rotortrack.simulate.field.sample import QUANTITIES, hermite_nodes
+
+LINEAR_TO_V: Final = 0.2
+"""Flow is linear in the voltage to 2.4 % up to here, and 16 % less than linear at 0.5 V."""
+
+SPACING: Final = Grading(0.5, 1.12, widest_nm=20.0)
+"""Distance of a table's lines: on the walls, its growth away from them, and at most."""
+
+_CORNER_NM: Final = 0.35
+"""Fields are infinite at a sharp rim; its node has their mean at this distance."""
+
+_NUDGE_NM: Final = 1e-6
+_KIND: Final = "a table of a nanopore's field"
+_DIMENSIONS: Final = {"r_nm": 1, "z_nm": 1, "values": 3}
+
+Array = NDArray[np.float64]
+
+
+class Solution(Protocol):
+    """What can be tabulated."""
+
+    @property
+    def options(self) -> FieldOptions:
+        """Pore, salt and voltage."""
+
+    @property
+    def current_a(self) -> float:
+        """Current from trans to cis."""
+
+    @property
+    def flow_m3_s(self) -> float:
+        """Flow of water from trans to cis."""
+
+    @property
+    def current_error_rel(self) -> float:
+        """Relative error of the current."""
+
+    @property
+    def flow_error_rel(self) -> float:
+        """Relative error of the flow."""
+
+    def evaluate(self, quantity: str, r_nm: Array, z_nm: Array) -> Array:
+        """Evaluate one quantity at points in the water."""
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTable:
+    """Fields of a pore on a graded grid, read by bicubic interpolation.
+
+    Attributes
+    ----------
+    r_nm, z_nm
+        (nr,) from 0 and (nz,) increasing.
+    values
+        (nr, nz, 8) in the order and units of ``QUANTITIES``; within the membrane the values of
+        the nearest water.
+    options
+        What was solved, by name of :class:`FieldOptions`.
+    voltage_v
+        Potential of the trans side to which the values belong.
+    current_a, flow_m3_s
+        From trans to cis.
+    current_error_rel, flow_error_rel
+        Relative errors of the solution behind the table.
+    """
+
+    r_nm: Array
+    z_nm: Array
+    values: Array
+    options: dict[str, Any]
+    voltage_v: float
+    current_a: float
+    flow_m3_s: float
+    current_error_rel: float
+    flow_error_rel: float
+
+    @functools.cached_property
+    def nodes(self) -> Array:
+        """Values and slopes, (nr, nz, 8, 4), for `sample_field`."""
+        return hermite_nodes(self.r_nm, self.z_nm, self.values)
+
+    @property
+    def pore_radius_nm(self) -> float:
+        """Radius of the pore."""
+        return float(self.options["pore_radius_nm"])
+
+    @property
+    def membrane_nm(self) -> float:
+        """Thickness of the membrane."""
+        return float(self.options["membrane_nm"])
+
+    @property
+    def rim_radius_nm(self) -> float:
+        """Radius of the pore's rim, 0 for a sharp one."""
+        return float(self.options.get("rim_radius_nm", 0.0))
+
+    def scaled(self, voltage_v: float) -> FieldTable:
+        """Give the fields of another voltage, to which all but those at rest are proportional.
+
+        Raises
+        ------
+        FieldError
+            Beyond 0.2 V, or with unequal salts or no voltage in this table: solve instead.
+        """
+        if voltage_v == self.voltage_v:
+            return self
+        remedy = f"solve the field at voltage_v = {voltage_v:g} instead"
+        if abs(voltage_v) > LINEAR_TO_V or abs(self.voltage_v) > LINEAR_TO_V:
+            raise FieldError(
+                f"fields are proportional to the voltage up to {LINEAR_TO_V:g} V only: {remedy}"
+            )
+        if self.options["cis_mm"] != self.options["trans_mm"] or self.voltage_v == 0.0:
+            raise FieldError(
+                "only fields of equal salts that were solved at some voltage can be scaled: "
+                f"{remedy}"
+            )
+        factor = voltage_v / self.voltage_v
+        factors = np.array([1.0 if "equilibrium" in name else factor for name in QUANTITIES])
+        return dataclasses.replace(
+            self,
+            values=self.values * factors,
+            options={**self.options, "voltage_v": voltage_v},
+            voltage_v=voltage_v,
+            current_a=self.current_a * factor,
+            flow_m3_s=self.flow_m3_s * factor,
+        )
+
+    def save(self, path: Path, *, compact: bool = False) -> None:
+        """Write the table to an npz file, whole or not at all.
+
+        Parameters
+        ----------
+        path
+            The file.
+        compact
+            Keep seven digits of the values.
+
+        Raises
+        ------
+        ResourceError
+            The file cannot be written.
+        """
+        about = {
+            "kind": _KIND,
+            "quantities": QUANTITIES,
+            **{
+                name: getattr(self, name)
+                for name in (
+                    "options", "voltage_v", "current_a", "flow_m3_s",
+                    "current_error_rel", "flow_error_rel",
+                )
+            },
+        }  # fmt: skip
+        values = self.values.astype(np.float32) if compact else self.values
+        write_archive(path, {"r_nm": self.r_nm, "z_nm": self.z_nm, "values": values}, about)
+
+    @classmethod
+    def load(cls, path: Path) -> FieldTable:
+        """Read a table that `save` wrote.
+
+        Raises
+        ------
+        ArchiveError
+            The file is no such table; the sentence names it.
+        """
+        arrays, about = read_archive(path, _KIND, _DIMENSIONS)
+        shape = arrays["r_nm"].size, arrays["z_nm"].size, len(QUANTITIES)
+        lines = arrays["r_nm"], arrays["z_nm"]
+        numbers = ("voltage_v", "current_a", "flow_m3_s", "current_error_rel", "flow_error_rel")
+        try:
+            if arrays["values"].shape != shape or min(shape) < 3:
+                raise ValueError("its arrays do not fit")
+            if not all(np.isfinite(array).all() for array in arrays.values()):
+                raise ValueError("it holds values that are no numbers")
+            if not all((np.diff(line) > 0).all() for line in lines) or lines[0][0] != 0.0:
+                raise ValueError("its lines do not increase from the axis")
+            if not lines[1][0] < 0.0 < lines[1][-1]:
+                raise ValueError("its lines do not pass the pore")
+            # An own option that the file does not have would silently be the default.
+            options = vars(FieldOptions(**about["options"]))
+            if options.keys() != about["options"].keys():
+                raise ValueError("its options are not whole")
+            return cls(**arrays, options=options, **{name: float(about[name]) for name in numbers})
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ArchiveError(f"{path} cannot be read as {_KIND} ({error})") from error
+
+
+def tabulate(solution: Solution, spacing: Grading = SPACING) -> FieldTable:
+    """Sample a solved field on the grid of a table.
+
+    Parameters
+    ----------
+    solution
+        Of :func:`rotortrack.simulate.field.solve.solve_field`.
+    spacing
+        Distances of the lines.
+
+    Returns
+    -------
+    FieldTable
+    """
+    options = solution.options
+    radius, half = options.pore_radius_nm, options.membrane_nm / 2.0
+    outer, height = options.box_radius_nm, options.box_height_nm / 2.0
+    lumen = radius - graded(radius, spacing)[::-1]
+    r_nm = np.concatenate((lumen, radius + graded(outer - radius, spacing)[1:]))
+    above = half + graded(height - half, spacing)[1:]
+    z_nm = np.concatenate((-above[::-1], graded_both(2.0 * half, spacing) - half, above))
+    r_nm[0] = 0.0
+    r, z = np.meshgrid(r_nm, z_nm, indexing="ij")
+    outside_r, outside_z = _nearest_water(r, z, radius, half)
+    values = np.stack(
+        [_mean_about(solution, name, outside_r, outside_z) for name in QUANTITIES], axis=-1
+    )
+    for k, name in enumerate(QUANTITIES):
+        if name.endswith("_r"):
+            values[0, :, k] = 0.0
+    return FieldTable(
+        r_nm=r_nm,
+        z_nm=z_nm,
+        values=values,
+        options=dataclasses.asdict(options),
+        voltage_v=options.voltage_v,
+        current_a=solution.current_a,
+        flow_m3_s=solution.flow_m3_s,
+        current_error_rel=solution.current_error_rel,
+        flow_error_rel=solution.flow_error_rel,
+    )
+
+
+def _nearest_water(r: Array, z: Array, radius: float, half: float) -> tuple[Array, Array]:
+    """Move points within the membrane, and on its corner, to the nearest water."""
+    to_lumen = r - radius
+    to_face = half - np.abs(z)
+    inside = (to_lumen > 0.0) & (to_face > 0.0)
+    sideways = inside & (to_lumen <= to_face)
+    up = inside & ~sideways
+    r = np.where(sideways, radius, r)
+    z = np.where(up, np.copysign(half, z), z)
+    # Both distances are equal on the diagonal from the corner, which moves sideways to z itself.
+    return r, z
+
+
+def _mean_about(solution: Solution, name: str, r: Array, z: Array) -> Array:
+    """Mean over the cells that meet at each point: slopes of the solution jump there."""
+    options = solution.options
+    radius, half = options.pore_radius_nm, options.membrane_nm / 2.0
+    at_corner = (np.abs(r - radius) < _NUDGE_NM) & (np.abs(np.abs(z) - half) < _NUDGE_NM)
+    reach = np.where(at_corner, _CORNER_NM / np.sqrt(2.0), _NUDGE_NM)
+    total, count = np.zeros(r.shape), np.zeros(r.shape)
+    for along_r in (-1.0, 1.0):
+        for along_z in (-1.0, 1.0):
+            at_r = np.clip(r + along_r * reach, 0.0, options.box_radius_nm)
+            at_z = z + along_z * reach
+            at_z = np.clip(at_z, -options.box_height_nm / 2.0, options.box_height_nm / 2.0)
+            wet = (at_r <= radius) | (np.abs(at_z) >= half)
+            safe_r, safe_z = np.where(wet, at_r, 0.0), np.where(wet, at_z, 0.0)
+            total += np.where(wet, solution.evaluate(name, safe_r, safe_z), 0.0)
+            count += wet
+    return total / count
