@@ -21,6 +21,8 @@ from rotortrack_cli.stage_option import StageCommand
 from rotortrack_cli.stages import Stages
 
 if TYPE_CHECKING:
+    from rotortrack.simulate.field.table import FieldTable
+    from rotortrack.simulate.rod.run import RodRun
     from rotortrack.simulate.scene_field import SceneField
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -132,6 +134,9 @@ def field(
     metavar="FILE.gif|FILE.mp4",
     help="Write the rod's motion as an animation, too.",
 )
+@click.option(
+    "--budget", is_flag=True, help="Tell the error of a steady rate by field, vertices and steps."
+)
 @output_flags
 @click.pass_obj
 def rod(
@@ -142,6 +147,7 @@ def rod(
     table: Path | None,
     no_figures: bool,
     animation: Path | None,
+    budget: bool,
 ) -> None:
     """Simulate one rod: [rod] of a scene, in its [field] and with [thermal] noise, if any."""
     _check_ending(output)
@@ -170,6 +176,9 @@ def rod(
         animate(run, animation, field)
     console.text(run.end.sentence)
     console.table(("", ""), [[name, value] for name, value in seen.items()])
+    errors: dict[str, float] | None = None
+    if budget and field is not None:
+        errors = _errors(console, run, field, scene)
     origin = "none" if found is None else found.origin
     console.text(f"in {output}; field: {origin}")
     console.json(
@@ -180,6 +189,7 @@ def rod(
             "n_steps": run.n_steps,
             "seconds": run.seconds,
             "field": origin,
+            "rate_error_rel": errors,
         }
     )
 
@@ -265,6 +275,24 @@ def _field(
 
     with console.stage("field"):
         return field_for(scene.field, solve=solve, file=table)
+
+
+def _errors(
+    console: Console, run: RodRun, field: FieldTable, scene: Scene
+) -> dict[str, float] | None:
+    """Tell the error budget of a steady rate, None where there is none."""
+    if run.end.value != "rotating_steadily" or scene.thermal is not None:
+        console.text("no error budget: it belongs to a steady rate without noise")
+        return None
+    from rotortrack.simulate.rod.budget import rate_budget
+
+    with console.stage("budget"):
+        made = rate_budget(run, field)
+    console.text(
+        f"error of the rate: {made.total:.1%} (field {made.field:.1%}, vertices "
+        f"{made.vertices:.1%}, steps {made.stepping:.2g})"
+    )
+    return {**dataclasses.asdict(made), "total": made.total}
 
 
 def _told(found: SceneField) -> dict[str, Any]:
