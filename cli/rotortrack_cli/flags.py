@@ -152,7 +152,7 @@ def gather(given: Given) -> list[Layer]:
         The configuration file cannot be read; or all mistakes of configuration, `--set` and
         flags, listed at once.
     """
-    assignments = _parse_assignments(given.assignments)
+    assignments = parse_assignments(given.assignments)
     layers = []
     if given.preset is not None:
         layers.append(preset_layer(given.preset))
@@ -200,7 +200,14 @@ _LONGEST_VALUE = 1_000
 _ASSIGNMENT = re.compile(r"\s*(\w+)\.(\w+)\s*=\s*(\S.*)", re.DOTALL)
 
 
-def _parse_assignments(texts: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+def parse_assignments(texts: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Read the values of `--set`.
+
+    Raises
+    ------
+    click.UsageError
+        Some are not of the form stage.option=value; all are listed.
+    """
     values: dict[str, dict[str, Any]] = {}
     malformed = []
     for text in texts:

@@ -15,8 +15,9 @@ class Stages:
     Use it as a context manager, so that the last stage ends too.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, unit: str = "frames") -> None:
         self._console = console
+        self._unit = unit
         self._open = contextlib.ExitStack()
         self._name: str | None = None
         self._done = 0
@@ -26,7 +27,7 @@ class Stages:
         """Show that `done` of `total` units (0: unknown) of a stage are done."""
         if stage != self._name:
             self._open.close()
-            shown = self._console.stage(stage, total or None, "frames" if total else "")
+            shown = self._console.stage(stage, total or None, self._unit if total else "")
             self._advance = self._open.enter_context(shown)
             self._name, self._done = stage, 0
         if self._advance is not None and done > self._done:

@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
+from rotortrack.files import atomic_path
 from rotortrack.report import style
 
 FileFormat = Literal["png", "svg", "pdf"]
@@ -124,6 +125,18 @@ def save(figure: Figure, path: Path, file_format: FileFormat) -> None:
         if file_format == "png":
             fast["pil_kwargs"] = {"compress_level": 3}
         figure.savefig(path, format=file_format, metadata=_NO_DATES[file_format], **fast)
+
+
+def save_as(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG file, whole or not at all.
+
+    Raises
+    ------
+    ResourceError
+        The file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        save(figure, temporary, "png")
 
 
 def thin(x: Floats, y: Floats, points: int = 1600) -> tuple[Floats, Floats]:

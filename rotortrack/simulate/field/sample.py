@@ -126,3 +126,17 @@ def _slopes(
     lines: NDArray[np.float64], values: NDArray[np.float64], axis: int
 ) -> NDArray[np.float64]:
     return np.asarray(np.gradient(values, lines, axis=axis, edge_order=2), np.float64)
+
+
+@kernel
+def sample_fields(
+    r_nm: NDArray[np.float64],
+    z_nm: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    points: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Evaluate all fields at many points, (m, 3) nm, into (m, 4, 3): see `sample_field`."""
+    for k in range(points.shape[0]):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        sample_field(r_nm, z_nm, nodes, x, y, z, out[k])

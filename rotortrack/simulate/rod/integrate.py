@@ -131,7 +131,8 @@ def _turn(x: NDArray[np.float64], angle: float, turned: NDArray[np.float64]) -> 
 @kernel
 def _touches(shape: Shape, i: int) -> bool:
     """Tell by its stiffness whether the wall touches a vertex, or a tether pulls it."""
-    return shape.contact[i, 0, 0] + shape.contact[i, 1, 1] + shape.contact[i, 2, 2] > 0.0
+    stiffness: float = shape.contact[i, 0, 0] + shape.contact[i, 1, 1] + shape.contact[i, 2, 2]
+    return stiffness > 0.0
 
 
 @kernel
@@ -174,7 +175,7 @@ def extrapolated_step(
 
     Notes
     -----
-    About 50 us for 51 vertices without a field.
+    About 50 us for 51 vertices, 90 us in a field.
     """
     full, middle, moved, _ = stages
     if room.field.shape[0] > 0:

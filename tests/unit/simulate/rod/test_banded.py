@@ -3,7 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotortrack.simulate.rod.banded import HALF_BAND, WIDTH, factor, solve
+from rotortrack.simulate.rod.banded import (
+    HALF_BAND,
+    WIDTH,
+    factor,
+    factor_general,
+    solve,
+    solve_general,
+)
 
 
 def saddle(n, seed):
@@ -71,8 +78,23 @@ def test_saddle_point_matrix_of_links_needs_no_pivoting():
     np.testing.assert_allclose(matrix @ found, right, atol=1e-9)
 
 
+@given(st.integers(3, 30), st.integers(0, 10_000))
+def test_solution_of_an_unsymmetric_banded_system_is_numpys(n, seed):
+    rng = np.random.default_rng(seed)
+    size = 4 * n - 1
+    matrix = np.triu(np.tril(rng.normal(size=(size, size)), HALF_BAND), -HALF_BAND)
+    matrix += 40.0 * np.diag(np.where(np.arange(size) % 4 == 3, -1.0, 1.0))
+    right = rng.normal(size=size)
+    band, low = to_band(matrix), to_band(matrix.T)
+    assert factor_general(band, low, size) == n - 1
+    values = np.concatenate([right, np.zeros(HALF_BAND)])
+    solve_general(band, low, size, values)
+    np.testing.assert_allclose(values[:size], np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
 def test_a_pivot_that_is_zero_or_not_finite_is_reported(bad):
     matrix = np.eye(11)
     matrix[5, 5] = bad
     assert factor(to_band(matrix), 11) == -1
+    assert factor_general(to_band(matrix), to_band(matrix.T), 11) == -1

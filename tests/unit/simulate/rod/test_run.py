@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from rotortrack.errors import RodError
+from rotortrack.simulate.field.embedded import embedded_table
 from rotortrack.simulate.rod.ends import RodEnd
 from rotortrack.simulate.rod.options import RodOptions, StartOptions, SteppingOptions
 from rotortrack.simulate.rod.placement import place_rod
@@ -161,3 +162,50 @@ def test_run_without_a_field_ends_with_its_time():
     run = run_rod(RodOptions(), SteppingOptions(duration_us=1.0), arc())
     assert run.end is RodEnd.TIME_REACHED
     assert math.isnan(run.numbers.nearest_nm)
+
+
+@pytest.fixture(scope="module")
+def rotor():
+    """The paper's rod on the paper's pore."""
+    rod = RodOptions(lambda_eff=0.26, flow_ratio=130.0)
+    field = embedded_table()
+
+    def run(duration_us=250.0, start=None, mirrored=False, azimuth_deg=0.0, **stepping):
+        if start is None:
+            options = StartOptions(
+                offset_x_nm=90.0, offset_y_nm=15.0, mirrored=mirrored, azimuth_deg=azimuth_deg
+            )
+            start = place_rod(rod, options, membrane_nm=field.membrane_nm)
+        return run_rod(rod, SteppingOptions(duration_us=duration_us, **stepping), start, field)
+
+    return run
+
+
+def test_rod_on_the_papers_pore_rotates_steadily_at_any_tolerance(rotor):
+    """In the turning frame the steady state is a fixed point of the step itself."""
+    rates = [rotor(tolerance_nm=tolerance).numbers.rate_rev_s for tolerance in (2e-3, 1e-2)]
+    np.testing.assert_allclose(np.abs(rates), 6200.0, rtol=0.02)
+    np.testing.assert_allclose(rates[0], rates[1], rtol=1e-6)
+
+
+def test_steady_rate_is_that_of_explicit_euler(rotor):
+    steady = rotor()
+    assert steady.end is RodEnd.ROTATING_STEADILY
+    checked = rotor(2.0, start=steady.positions_nm[-1], method="explicit", step_us=2e-4)
+    rate = checked.turned_rad[-1] / 2.0
+    np.testing.assert_allclose(rate, steady.numbers.rate_rad_us, rtol=1e-5)
+
+
+def test_settled_run_stops_early_with_the_same_rate(rotor):
+    steady = rotor()
+    stopped = rotor(stop_when_settled=True)
+    assert stopped.end is RodEnd.ROTATING_STEADILY
+    assert stopped.numbers.settled
+    assert stopped.simulated_us < 200.0
+    np.testing.assert_allclose(stopped.numbers.rate_rad_us, steady.numbers.rate_rad_us, rtol=1e-4)
+
+
+def test_mirrored_and_turned_starts_give_the_rate_to_1e_4(rotor):
+    rate = rotor().numbers.rate_rad_us
+    np.testing.assert_allclose(rotor(mirrored=True).numbers.rate_rad_us, -rate, rtol=1e-6)
+    np.testing.assert_allclose(rotor(azimuth_deg=123.0).numbers.rate_rad_us, rate, rtol=1e-6)

@@ -1,0 +1,156 @@
+"""Scene files: what a simulation contains. What a scene does not name does not exist in it.
+
+==========  ======================================================================================
+section     what it brings
+==========  ======================================================================================
+[field]     the pore in its membrane: electric field, flow and wall
+[rod]       the elastic rod
+[start]     where the rod begins; the defaults without it
+[stepping]  how time is stepped and for how long; the defaults without it
+[thermal]   thermal noise
+[scan]      the grid of runs
+==========  ======================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rotortrack.errors import ConfigurationError, InputError
+from rotortrack.settings import Layer, Options, Settings, parse_toml, read_content, resolve
+from rotortrack.simulate.field.options import FieldOptions
+from rotortrack.simulate.options import ScanOptions
+from rotortrack.simulate.rod.options import (
+    PRESETS,
+    RodOptions,
+    StartOptions,
+    SteppingOptions,
+    ThermalOptions,
+)
+
+SCENE_SECTIONS: dict[str, type[Options]] = {
+    "field": FieldOptions,
+    "rod": RodOptions,
+    "start": StartOptions,
+    "stepping": SteppingOptions,
+    "thermal": ThermalOptions,
+    "scan": ScanOptions,
+}
+"""Option class of each section."""
+
+_NUMERICS = ("start", "stepping")
+_Value = TypeVar("_Value")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a simulation contains; None is an effect that is off.
+
+    Attributes
+    ----------
+    field, rod, start, stepping, thermal, scan
+        Options of each section.
+    settings
+        The same with the origin of each value, for the record.
+    origin
+        The file, for sentences.
+    """
+
+    field: FieldOptions | None
+    rod: RodOptions | None
+    start: StartOptions
+    stepping: SteppingOptions
+    thermal: ThermalOptions | None
+    scan: ScanOptions | None
+    settings: Settings
+    origin: str
+
+    def require(self, *sections: str) -> None:
+        """Demand sections.
+
+        Raises
+        ------
+        ConfigurationError
+            Lists every section that the scene lacks.
+        """
+        absent = [name for name in sections if getattr(self, name) is None]
+        if absent:
+            raise ConfigurationError(
+                *(f"{self.origin} has no [{name}] section: add one" for name in absent)
+            )
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """All values of the sections that act, ready for TOML or JSON."""
+        return self.settings.as_dict()
+
+
+def read_scene(path: Path, layers: Sequence[Layer] = (), preset: str | None = None) -> Scene:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path
+        TOML in UTF-8.
+    layers
+        Values that win over those of the file, such as from the command line.
+    preset
+        Name of the preset that fills what nobody gave, in the sections that the scene has.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it cannot be read.
+    ConfigurationError
+        It is not TOML, or holds unknown sections and keys, wrong types or values out of bounds,
+        all listed at once.
+    """
+    try:
+        content = read_content(path)
+    except ConfigurationError as error:
+        raise InputError(str(error)) from error
+    given = Layer(f"scene {path}", parse_toml(content, path))
+    return make_scene([given, *layers], origin=str(path), preset=preset)
+
+
+def make_scene(
+    layers: Sequence[Layer], *, origin: str = "the scene", preset: str | None = None
+) -> Scene:
+    """Make a scene of values by section; of several layers the later ones win.
+
+    Raises
+    ------
+    ConfigurationError
+        All mistakes, listed at once.
+    """
+    named = {section for layer in layers for section in layer.values}
+    classes = {
+        name: options_class
+        for name, options_class in SCENE_SECTIONS.items()
+        if name in named or name in _NUMERICS
+    }
+    if preset is not None:
+        layers = [Layer(f"preset {preset}", PRESETS[preset]), *layers]
+    mistakes: list[str] = []
+    sections: dict[str, Any] = {}
+    origins: dict[str, str] = {}
+    # Each by itself: what contradicts itself in one section is told beside the others' mistakes.
+    for name in (*(named - SCENE_SECTIONS.keys()), *classes):
+        own = [Layer(layer.origin, _only(layer.values, name)) for layer in layers]
+        try:
+            settings = resolve(_only(classes, name) or SCENE_SECTIONS, own)
+        except ConfigurationError as error:
+            mistakes += error.mistakes
+        else:
+            sections |= settings.sections
+            origins |= settings.origins
+    if mistakes:
+        raise ConfigurationError(*mistakes)
+    parts: dict[str, Any] = {name: sections.get(name) for name in SCENE_SECTIONS}
+    return Scene(**parts, settings=Settings(sections, origins), origin=origin)
+
+
+def _only(values: Mapping[str, _Value], name: str) -> dict[str, _Value]:
+    return {name: values[name]} if name in values else {}
