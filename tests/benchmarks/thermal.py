@@ -3,8 +3,8 @@
     python tests/benchmarks/thermal.py tests/benchmarks/results/thermal-DATE.json [rows]
 
 Joint variance and persistence length of the 450-nm rod, of short rods of the same links for ever
-longer steps, of finer links; diffusion of a stiff rod. Each number stands with its standard error
-and its exact value; the file is written after every row.
+longer steps, of finer links; diffusion of a stiff rod; rods on the pore at 300 K. Each number
+stands with its standard error and its exact value; the file is written after every row.
 """
 
 from __future__ import annotations
@@ -18,7 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rotortrack.simulate.rod.options import RodOptions, SteppingOptions, ThermalOptions
+from rotortrack.simulate.field.embedded import embedded_table
+from rotortrack.simulate.rod.options import (
+    RodOptions,
+    StartOptions,
+    SteppingOptions,
+    ThermalOptions,
+)
+from rotortrack.simulate.rod.placement import place_rod
 from rotortrack.simulate.rod.run import run_rod
 
 _SPEC = importlib.util.spec_from_file_location(
@@ -42,6 +49,15 @@ JOINTS = {
     "fine_0.025ns": (21, 4.5, 15.0, 1e-3, 2.5e-5, 0.5, True),
 }
 DIFFUSION = {"stiff_0.2ns": (400.0, 4e-3, 2e-4), "stiff_0.1ns": (200.0, 4e-3, 1e-4)}
+
+# Name: lambda_eff, ratio, seed, step us; in the shipped field at 300 K for at most 40 us.
+DOCKED = {
+    "docked_0.26_130_0.2ns": (0.26, 130.0, 1, 2e-4),
+    "docked_0.26_130_0.1ns": (0.26, 130.0, 1, 1e-4),
+    "docked_0.15_120_a": (0.15, 120.0, 1, 2e-4),
+    "docked_0.15_120_b": (0.15, 120.0, 2, 2e-4),
+    "docked_0.15_120_c": (0.15, 120.0, 3, 2e-4),
+}
 
 
 def joints(n, edge_nm, duration_us, sample_us, step_us, theta, metric):
@@ -90,6 +106,25 @@ def turns(duration_us, sample_us, step_us):
     }
 
 
+def docked(lambda_eff, flow_ratio, seed, step_us):
+    """What becomes of a rod on the pore, and how far it turns."""
+    field = embedded_table()
+    rod = RodOptions(lambda_eff=lambda_eff, flow_ratio=flow_ratio)
+    start = place_rod(rod, StartOptions(), membrane_nm=field.membrane_nm)
+    stepping = SteppingOptions(duration_us=40.0, stop_when_settled=True)
+    begin = time.thread_time()
+    run = run_rod(rod, stepping, start, field, ThermalOptions(seed=seed, step_us=step_us))
+    seconds = time.thread_time() - begin
+    late = run.time_us >= 0.5 * run.simulated_us
+    return {
+        "end": run.end.value,
+        "simulated_us": run.simulated_us,
+        "turns": run.turned_rad[-1] / (2.0 * np.pi),
+        "mean_height_nm": run.positions_nm[late, :, 2].mean() - 10.0,
+        "step_seconds": seconds / run.n_steps,
+    }
+
+
 def main() -> None:
     """Measure the rows named, or all, and store them."""
     path = Path(sys.argv[1])
@@ -101,9 +136,12 @@ def main() -> None:
         law.equilibrium_rod(3, np.random.default_rng(0)),
         thermal=ThermalOptions(),
     )
-    names = sys.argv[2:] or [*JOINTS, *DIFFUSION]
+    names = sys.argv[2:] or [*JOINTS, *DIFFUSION, *DOCKED]
     for name in names:
-        row = joints(*JOINTS[name]) if name in JOINTS else turns(*DIFFUSION[name])
+        if name in JOINTS:
+            row = joints(*JOINTS[name])
+        else:
+            row = turns(*DIFFUSION[name]) if name in DIFFUSION else docked(*DOCKED[name])
         result[name] = row
         print(name, json.dumps(row), flush=True)
         path.write_text(json.dumps(result, indent=1) + "\n")

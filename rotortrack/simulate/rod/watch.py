@@ -98,7 +98,8 @@ def is_through(x: NDArray[np.float64], rod: NDArray[np.float64]) -> bool:
     for i in range(x.shape[0]):
         if x[i, 2] < -rod[HALF_MEMBRANE_NM]:
             below += 1
-    return 2 * below > x.shape[0]
+    through: bool = 2 * below > x.shape[0]
+    return through
 
 
 @kernel

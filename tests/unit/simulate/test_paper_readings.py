@@ -11,11 +11,15 @@ import numpy as np
 import pytest
 
 from rotortrack.simulate import estimates as e
+from rotortrack.simulate.field.embedded import embedded_table
+from rotortrack.simulate.field.options import FieldOptions
 from rotortrack.simulate.rod.elasticity import bending_energy
+from rotortrack.simulate.rod.ends import RodEnd
 from rotortrack.simulate.rod.forces import NO_NODES, total_force
 from rotortrack.simulate.rod.friction import drag_frames
-from rotortrack.simulate.rod.options import PAPER_LITERAL, RodOptions, SteppingOptions
+from rotortrack.simulate.rod.options import PAPER_LITERAL, RodOptions, StartOptions, SteppingOptions
 from rotortrack.simulate.rod.parameters import BENDING_PN_NM2, EDGE_NM, rod_parameters
+from rotortrack.simulate.rod.placement import place_rod
 from rotortrack.simulate.rod.run import run_rod
 
 from .rod.steps import at, straight, uniform_field
@@ -180,6 +184,19 @@ def test_ratio_printed_75_pulls_the_rod_in_at_the_printed_wall_charge():
     assert e.drag_over_pull(25.0 / 0.25, mobility) > 1.0
 
 
+@pytest.mark.parametrize("offset_nm", [(0.0, 3.0), (40.0, 8.0), (90.0, 15.0)])
+def test_ratio_printed_75_translocates_where_130_rotates(offset_nm):
+    field = embedded_table()
+    start = StartOptions(offset_x_nm=offset_nm[0], offset_y_nm=offset_nm[1])
+    ends = []
+    for ratio in (75.0, 130.0):
+        rod = RodOptions(lambda_eff=0.26, flow_ratio=ratio)
+        stepping = SteppingOptions(duration_us=400.0, stop_when_settled=True)
+        run = run_rod(rod, stepping, place_rod(rod, start, membrane_nm=field.membrane_nm), field)
+        ends.append(run.end)
+    assert ends == [RodEnd.TRANSLOCATED, RodEnd.ROTATING_STEADILY]
+
+
 def test_surface_charge_printed_0_1x_e_gives_the_flow_in_units_of_e_per_nm2():
     charge = 0.1 * e.ELEMENTARY_CHARGE_C * 1e18
     assert charge == pytest.approx(0.0160, abs=5e-5)
@@ -188,6 +205,18 @@ def test_surface_charge_printed_0_1x_e_gives_the_flow_in_units_of_e_per_nm2():
     as_c = e.electroosmotic_mobility_m2_vs(e.grahame_potential_v(-0.1 / charge * 0.1)) * 1.4e6
     assert as_e == pytest.approx(0.029, abs=0.001)
     assert as_c > 0.09
+
+
+def test_tables_printed_s1_to_s5_are_the_defaults_of_the_field():
+    options = FieldOptions()
+    # W is a radius: Table S2 gives the membrane from the rim to the side as W - R.
+    assert options.box_radius_nm == 500.0
+    assert options.box_height_nm == 1000.0
+    assert options.membrane_nm == 20.0
+    assert options.pore_radius_nm == 25.0
+    assert options.surface_charge_e_nm2 == -0.1
+    assert options.voltage_v == 0.1
+    assert options.cis_mm == options.trans_mm == 50.0
 
 
 def test_line_charge_printed_5_7_is_rounded():

@@ -138,16 +138,11 @@ def test_explicit_steps_are_stable_up_to_the_limit_and_not_beyond():
 
 def test_samples_between_steps_are_as_exact_as_the_steps():
     start = smooth_start()
-    dense = run_rod(
-        RodOptions(),
-        SteppingOptions(duration_us=2.0, sample_us=0.01, max_step_us=0.2, tolerance_nm=1e-2),
-        start,
-    )
-    exact = run_rod(
-        RodOptions(),
-        SteppingOptions(duration_us=2.0, sample_us=0.01, tolerance_nm=1e-6),
-        start,
-    )
-    assert dense.n_steps < 60
-    errors = np.abs(dense.positions_nm - exact.positions_nm).max(axis=(1, 2))
-    assert errors[20:].max() < 2.0 * errors[[50, 100, 150, 200]].max() + 1e-3
+    sampled = {"duration_us": 2.0, "sample_us": 0.025}
+    steps = SteppingOptions(**sampled, step_us=0.1, max_step_us=0.1, tolerance_nm=1e9)
+    run = run_rod(RodOptions(), steps, start)
+    exact = run_rod(RodOptions(), SteppingOptions(**sampled, tolerance_nm=1e-5), start)
+    assert run.n_steps == 20
+    errors = np.abs(run.positions_nm - exact.positions_nm).max(axis=(1, 2))
+    within = errors[:80].reshape(20, 4)[2:, 1:].max(axis=1)
+    assert np.all(within < 1.06 * np.maximum(errors[8:80:4], errors[12::4]))
