@@ -221,8 +221,16 @@ RUNNING, GONE = os.getppid(), 2**31 - 2
         ("00000000", RUNNING, 3.1, True),
     ],
     ids=[
-        "gone", "gone, clock wrong", "runs", "runs, clock wrong", "runs, old", "own", "no such",
-        "elsewhere, young", "elsewhere, clock wrong", "elsewhere, old",
+        "gone",
+        "gone, clock wrong",
+        "runs",
+        "runs, clock wrong",
+        "runs, old",
+        "own",
+        "no such",
+        "elsewhere, young",
+        "elsewhere, clock wrong",
+        "elsewhere, old",
     ],  # fmt: skip
 )
 def test_sweep_goes_by_process_here_and_by_age_elsewhere(
