@@ -60,6 +60,7 @@ class Reason(Enum):
     TOO_SLOW_FOR_GRID = "too_slow_for_grid"
     TOO_FEW_FRAMES = "too_few_frames"
     NO_CIRCLE = "no_circle"
+    NOT_MEASURED = "not_measured"
 
     @property
     def sentence(self) -> str:
@@ -89,6 +90,7 @@ _SENTENCES = {
     ),
     Reason.TOO_FEW_FRAMES: "Too few frames, or none that adjoin, tell neither speed nor diffusion.",
     Reason.NO_CIRCLE: "Without a circle there are no angles.",
+    Reason.NOT_MEASURED: "Only kept rotors with a track are measured.",
 }
 
 

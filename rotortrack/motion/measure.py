@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from rotortrack.motion.behaviour import NOT_CLASSIFIED, Behaviour, classify
 from rotortrack.motion.blur import radius_factor
 from rotortrack.motion.changepoints import Switches, find_switches
 from rotortrack.motion.energetics import UNKNOWN_ENERGETICS, Energetics, energetics
-from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, estimate_motion
+from rotortrack.motion.estimate import NOT_ESTIMATED, MotionEstimate, Reason, estimate_motion
 from rotortrack.motion.increments import StepSizes, increments, step_sizes
 from rotortrack.motion.msd import MSDFit, fit_msd, msd
 from rotortrack.motion.msd_fit import NOT_FITTED, WeightedFit, fit_msd_weighted
@@ -125,7 +125,7 @@ class Motion:
 
 
 NOT_MEASURED = Motion(
-    estimate=NOT_ESTIMATED,
+    estimate=replace(NOT_ESTIMATED, reason=Reason.NOT_MEASURED),
     steps=StepSizes(_NAN, _NAN, 0),
     msd_fit=MSDFit(_NAN, _NAN, _NAN, _NAN, _NAN, at_bound=False),
     weighted_fit=NOT_FITTED,

@@ -51,8 +51,13 @@ class Whiteness:
 
     @property
     def p(self) -> float:
-        """Probability of the least likely of the four, corrected for their number."""
-        return min(1.0, 4.0 * min(self.lag_p, self.slow_p, self.spread_p, self.angle_p))
+        """Probability of the least likely of the tests made, corrected for their number.
+
+        nan where none was made.
+        """
+        tests = (self.lag_p, self.slow_p, self.spread_p, self.angle_p)
+        made = [p for p in tests if not math.isnan(p)]
+        return min(1.0, len(made) * min(made)) if made else math.nan
 
 
 UNTESTED = Whiteness(math.nan, math.nan, math.nan, math.nan)

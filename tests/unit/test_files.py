@@ -220,6 +220,18 @@ RUNNING, GONE = os.getppid(), 2**31 - 2
         ("00000000", GONE, -400, False),
         ("00000000", RUNNING, 3.1, True),
     ],
+    ids=[
+        "gone",
+        "gone, clock wrong",
+        "runs",
+        "runs, clock wrong",
+        "runs, old",
+        "own",
+        "no such",
+        "elsewhere, young",
+        "elsewhere, clock wrong",
+        "elsewhere, old",
+    ],  # fmt: skip
 )
 def test_sweep_goes_by_process_here_and_by_age_elsewhere(
     tmp_path: Path, host: str, pid: int, days: float, swept: bool

@@ -149,6 +149,8 @@ def test_refused_rotors_are_not_measured(driven_and_stuck):
     refused = measure(driven_and_stuck, rotors).set_index("rotor").loc[7]
     assert refused[MEASURED].isna().all()
     assert np.isnan(refused["msd_speed_deg_s"])
+    assert np.isnan(refused["residuals_p"])
+    assert refused["speed_reason"] == "not_measured"
     assert refused["behaviour"] == "unclassified"
     assert refused["n_steps"] == 0
     assert not refused["msd_at_bound"]

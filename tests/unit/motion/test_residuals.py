@@ -1,7 +1,19 @@
 import numpy as np
 import pytest
 
-from rotortrack.motion.residuals import block_bootstrap, calibrated, whiteness
+from rotortrack.motion.residuals import (
+    UNTESTED,
+    Whiteness,
+    block_bootstrap,
+    calibrated,
+    whiteness,
+)
+
+
+def test_a_test_that_was_not_made_hides_no_other_and_none_at_all_is_no_pass():
+    assert np.isnan(UNTESTED.p)
+    assert Whiteness(np.nan, 0.01, 0.5, np.nan).p == pytest.approx(0.02)
+    assert Whiteness(0.5, 0.01, np.nan, np.nan).p == pytest.approx(0.02)
 
 
 def test_white_residuals_pass_as_often_as_they_should():
