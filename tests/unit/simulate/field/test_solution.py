@@ -23,13 +23,13 @@ def rounded():
     return as_solution(options, solve_on(options, field_grid(options, 0.7, 2.5)))
 
 
-def test_estimate_of_the_flow_holds_within_a_factor_3_and_the_currents_is_a_bound(solution):
+def test_error_estimates_hold_within_a_factor_3(solution):
     options = solution.options
     best = solve_on(options, field_grid(options, 0.04, 1.8))
     flow = abs(solution.flow_m3_s / best.flow_m3_s - 1)
     current = abs(solution.current_a / best.current_a - 1)
     assert flow / 3 < solution.flow_error_rel < 3 * flow
-    assert current < solution.current_error_rel < 2e-3
+    assert current / 3 < solution.current_error_rel < 3 * current
 
 
 def test_nodes_give_back_their_values(solution):
