@@ -1,1 +1,1 @@
-"""Electric field, salt and water flow around a charged pore in a membrane."""
+"""The field around a charged nanopore: potential, ions and flow, solved or looked up."""

@@ -1,223 +1,279 @@
-"""Poisson-Nernst-Planck: potential and salt around the charged pore.
+"""Poisson-Nernst-Planck: potential and two ions in given flow, by Newton's method.
 
-Unknowns are the potential phi and the quasi-potentials psi+ = ln c+ + phi, psi- = ln c- - phi, all
-in thermal voltages. Concentrations are positive by construction, and the quasi-potentials have no
-double layer, so that Newton's method needs no continuation in charge, salt or voltage.
+Unknowns are phi = potential / (kT/e) and the quasi-potentials psi+, psi- of the ions, whose
+concentrations, in units of `Scales.salt_mm`, are
+
+    c+ = exp(psi+ - phi),  c- = exp(psi- + phi),
+
+positive by construction; psi has no double layer, so Newton's method needs no continuation:
+
+    -lap phi = (c+ - c-) / (2 lambda_D^2),   d phi / d n = sigma e / (eps kT/e) on the walls,
+    div(D c grad psi - u c) = 0,             no flux through the walls.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
+import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from rotortrack.errors import FieldError
-from rotortrack.simulate.field.physics import Physics
-from rotortrack.simulate.field.space import Array, Assembly, Space, block
+from rotortrack.errors import InputError
+from rotortrack.simulate.field.mesh import Floats
+from rotortrack.simulate.field.options import FieldOptions
+from rotortrack.simulate.field.space import Space, factorised, sparse_sum
 
-_LARGEST_STEP: Final = 3.0
-"""Thermal voltages by which one Newton step may change an unknown."""
+ELEMENTARY_CHARGE_C = 1.602176634e-19
+BOLTZMANN_J_K = 1.380649e-23
+FARADAY_C_MOL = 96485.33212
+VACUUM_PERMITTIVITY_F_M = 8.8541878128e-12
+PER_NM3_PER_MM = 6.02214076e-4
 
-_CONVERGED: Final = 1e-9
-_MOST_STEPS: Final = 60
+_MOST_STEPS = 60
+_LARGEST_STEP = 3.0
+"""Newton's steps are cut to this many kT/e: exp() makes longer ones overshoot."""
+
+_TOLERANCE = 1e-9
 
 
-@dataclass(frozen=True)
-class State:
-    """Nodal values of the three unknowns, thermal voltages.
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """Units and coefficients of the equations in nm, us, kT/e and `salt_mm`."""
 
-    Attributes
-    ----------
-    phi, psi_plus, psi_minus
-        (node,).
-    """
+    salt_mm: float
+    thermal_v: float
+    energy_pn_nm: float
+    debye_nm: float
+    charge_per_nm: float
+    cation_nm2_us: float
+    anion_nm2_us: float
+    viscosity: float
+    speed_nm_us: float
+    """eps (kT/e)^2 / (eta lambda_D): what flow compares with, so that rest needs no division."""
 
-    phi: Array
-    psi_plus: Array
-    psi_minus: Array
+    @classmethod
+    def of(cls, options: FieldOptions) -> Scales:
+        """Work the scales out; the salt is the geometric mean of the two sides."""
+        salt = math.sqrt(options.cis_mm * options.trans_mm)
+        energy = BOLTZMANN_J_K * options.temperature_k
+        thermal = energy / ELEMENTARY_CHARGE_C
+        permittivity = options.relative_permittivity * VACUUM_PERMITTIVITY_F_M
+        debye = math.sqrt(permittivity * thermal / (2 * FARADAY_C_MOL * salt))
+        surface = options.surface_charge_e_nm2 * ELEMENTARY_CHARGE_C * 1e18
+        return cls(
+            salt_mm=salt,
+            thermal_v=thermal,
+            energy_pn_nm=energy * 1e21,
+            debye_nm=debye * 1e9,
+            charge_per_nm=surface / (permittivity * thermal) * 1e-9,
+            cation_nm2_us=options.cation_diffusivity_m2_s * 1e12,
+            anion_nm2_us=options.anion_diffusivity_m2_s * 1e12,
+            viscosity=options.viscosity_mpa_s * 1e-3,
+            speed_nm_us=permittivity * thermal**2 / (options.viscosity_mpa_s * debye) * 1e6,
+        )
+
+    @property
+    def screening(self) -> float:
+        """1 / (2 lambda_D^2), per nm2."""
+        return 0.5 / self.debye_nm**2
+
+
+@dataclass
+class Ions:
+    """Nodal values (n2,) of phi, psi+ and psi-, in kT/e."""
+
+    phi: Floats
+    plus: Floats
+    minus: Floats
+
+    def copy(self) -> Ions:
+        """Copy all three."""
+        return Ions(self.phi.copy(), self.plus.copy(), self.minus.copy())
+
+    @property
+    def salt(self) -> Floats:
+        """Logarithm s = (psi+ + psi-) / 2 of the neutral salt outside any double layer."""
+        return (self.plus + self.minus) / 2
+
+    @property
+    def virtual(self) -> Floats:
+        """Potential v = (psi+ - psi-) / 2 outside any double layer."""
+        return (self.plus - self.minus) / 2
 
 
 class PoissonNernstPlanck:
-    """The equations on one mesh.
+    """The discrete equations on a space.
 
     Parameters
     ----------
-    space
-        Quadratic elements.
-    physics
-        Coefficients.
-    wall
-        (node,) integral of each shape function over the charged wall, weighted by r.
-    trans, cis
-        (node,) flags of the nodes on the two ends of the box.
+    space, scales
+        Where, and with which coefficients.
+    charged
+        Parts of the boundary that carry the surface charge.
+    ends
+        Parts where potential and concentrations are held.
     """
 
     def __init__(
         self,
         space: Space,
-        physics: Physics,
-        wall: Array,
-        trans: NDArray[np.bool_],
-        cis: NDArray[np.bool_],
+        scales: Scales,
+        *,
+        charged: tuple[str, ...] = ("wall",),
+        ends: tuple[str, ...] = ("cis", "trans"),
     ) -> None:
-        self.space = space
-        self.physics = physics
-        self._wall = wall * physics.wall_per_nm
-        self._trans, self._cis = trans, cis
-        ends = trans | cis
-        self._poisson = Assembly([space], ~ends)
-        self._coupled = Assembly([space] * 3, np.tile(~ends, 3))
+        self.space, self.scales = space, scales
+        self.held = space.boundary(*ends)
+        self.free = np.ones(space.n2, dtype=bool)
+        self.free[self.held] = False
+        self.wall = scales.charge_per_nm * sum(space.boundary_weight(name) for name in charged)
+        ones = np.ones_like(space.weight)
+        self.stiffness = space.products(space.by_r, ones, space.by_r) + space.products(
+            space.by_z, ones, space.by_z
+        )
+        self.nodes3 = np.concatenate([3 * space.nodes2 + k for k in range(3)], axis=1)
+        self.free3 = np.repeat(self.free, 3)
 
-    def start(self, blend: Array) -> tuple[State, int]:
-        """Solve for the potential at rest, the salt going from side to side as `blend` does.
+    def harmonic(self, values: Floats) -> Floats:
+        """Solve Laplace's equation with `values` (n2,) on the ends and no flux elsewhere."""
+        nodes = self.space.nodes2
+        residual = self.space.gather((self.stiffness @ values[nodes][:, :, None])[..., 0])
+        residual[self.held] = 0
+        matrix = sparse_sum(nodes, nodes, self.stiffness, self.free)
+        return values - np.asarray(factorised(matrix).solve(residual))
 
-        With equal salt on both sides this is the equilibrium.
+    def relax_potential(self, ions: Ions) -> int:
+        """Solve Poisson's equation for phi in place, psi+ and psi- held; return the steps."""
+        space, scales = self.space, self.scales
+        for steps in range(1, _MOST_STEPS + 1):
+            plus, minus = self.concentrations(ions)
+            k = scales.screening
+            local = (self.stiffness @ ions.phi[space.nodes2][:, :, None])[..., 0]
+            local -= space.loads(k * (plus - minus), space.value)
+            residual = space.gather(local) - self.wall
+            residual[self.held] = 0
+            matrix = self.stiffness + space.products(space.value, k * (plus + minus), space.value)
+            jacobian = sparse_sum(space.nodes2, space.nodes2, matrix, self.free)
+            step = np.asarray(factorised(jacobian).solve(residual))
+            largest = _limited(step)
+            ions.phi -= step
+            if largest < _TOLERANCE:
+                return steps
+        raise InputError(_NO_END)
 
-        Parameters
-        ----------
-        blend
-            (node,) 1 on the trans side, 0 on the cis side.
+    def concentrations(self, ions: Ions) -> tuple[Floats, Floats]:
+        """c+ and c- at the quadrature points, in units of the salt."""
+        phi = self.space.at_points(ions.phi)
+        # Past these bounds an iterate is wrong anyway, and exp() must not overflow.
+        plus = np.clip(self.space.at_points(ions.plus) - phi, -200.0, 60.0)
+        minus = np.clip(self.space.at_points(ions.minus) + phi, -200.0, 60.0)
+        return np.exp(plus), np.exp(minus)
 
-        Returns
-        -------
-        state
-            Without any voltage.
-        steps
-            Newton steps taken.
-        """
-        physics = self.physics
-        salt = np.log(physics.cis) + (np.log(physics.trans) - np.log(physics.cis)) * blend
-        phi = np.zeros(self.space.size)
-        ones = np.ones_like(self.space.r)
-        stiffness = block(self.space, self.space, stiffness=ones)
-        for step in range(1, _MOST_STEPS + 1):
-            state = State(phi, salt, salt)
-            plus, minus = self.concentrations(state)
-            mass = block(self.space, self.space, mass=physics.charge_nm2 * (plus + minus))
-            matrix = self._poisson.matrix({(0, 0): stiffness + mass})
-            residual = self._charge_balance(state, plus, minus)
-            change = np.zeros_like(phi)
-            free = self._poisson.free
-            change[free] = self._poisson.factorise(matrix).solve(-residual[free])
-            largest = float(np.abs(change).max())
-            phi = phi + change * min(1.0, _LARGEST_STEP / max(largest, _LARGEST_STEP))
-            if largest < _CONVERGED:
-                return State(phi, salt, salt), step
-        raise FieldError(_not_converged("potential at rest"))
-
-    def biased(self, state: State, trans_potential: float, blend: Array) -> State:
-        """Add a potential of the trans side as a first guess; the ends get their exact values."""
-        lift = trans_potential * blend
-        phi = state.phi + lift
-        return State(phi, state.psi_plus + lift, state.psi_minus - lift)
-
-    def solve(self, state: State, flow: Array) -> tuple[State, int]:
-        """Solve all three equations in a given flow by Newton's method.
-
-        Parameters
-        ----------
-        state
-            First guess, exact on the ends.
-        flow
-            (2, cell, point) nm/us.
-
-        Returns
-        -------
-        state
-        steps
-            Newton steps taken.
-        """
-        space, physics = self.space, self.physics
-        free = self._coupled.free
-        stiffness = block(space, space, stiffness=np.ones_like(space.r))
-        size = space.size
-        for step in range(1, _MOST_STEPS + 1):
-            plus, minus = self.concentrations(state)
-            slope_plus = space.gradient(state.psi_plus) - flow / physics.cation_nm2_us
-            slope_minus = space.gradient(state.psi_minus) - flow / physics.anion_nm2_us
-            k = physics.charge_nm2
-            mass_plus = block(space, space, mass=k * plus)
-            mass_minus = block(space, space, mass=k * minus)
-            drift_plus = block(space, space, advection=plus * slope_plus)
-            drift_minus = block(space, space, advection=minus * slope_minus)
-            matrix = self._coupled.matrix(
-                {
-                    (0, 0): stiffness + mass_plus + mass_minus,
-                    (0, 1): -mass_plus,
-                    (0, 2): mass_minus,
-                    (1, 0): -drift_plus,
-                    (1, 1): block(space, space, stiffness=plus) + drift_plus,
-                    (2, 0): drift_minus,
-                    (2, 2): block(space, space, stiffness=minus) + drift_minus,
-                }
+    def residual(self, ions: Ions, flow: tuple[Floats, Floats]) -> Floats:
+        """Residuals (n2, 3) of the three equations; on the ends, the flux in through them."""
+        space = self.space
+        plus, minus = self.concentrations(ions)
+        local = (self.stiffness @ ions.phi[space.nodes2][:, :, None])[..., 0]
+        local -= space.loads(self.scales.screening * (plus - minus), space.value)
+        whole = [space.gather(local) - self.wall]
+        for psi, density, diffusivity in self._species(ions, plus, minus):
+            flux_r, flux_z = self._flux(psi, density, diffusivity, flow)
+            whole.append(
+                space.gather(space.loads(flux_r, space.by_r) + space.loads(flux_z, space.by_z))
             )
-            residual = np.concatenate(
-                (
-                    self._charge_balance(state, plus, minus),
-                    space.vector(flux=plus * slope_plus),
-                    space.vector(flux=minus * slope_minus),
-                )
-            )
-            change = np.zeros_like(residual)
-            change[free] = self._coupled.factorise(matrix).solve(-residual[free])
-            largest = float(np.abs(change).max())
-            if not np.isfinite(largest):
-                break
-            change *= min(1.0, _LARGEST_STEP / max(largest, _LARGEST_STEP))
-            state = State(
-                state.phi + change[:size],
-                state.psi_plus + change[size : 2 * size],
-                state.psi_minus + change[2 * size :],
-            )
-            if largest < _CONVERGED:
-                return state, step
-        raise FieldError(_not_converged("potential and salt"))
+        return np.stack(whole, axis=1)
 
-    def concentrations(self, state: State) -> tuple[Array, Array]:
-        """Give c+ and c- at the quadrature points."""
-        phi = self.space.at_points(state.phi)
-        plus = np.exp(self.space.at_points(state.psi_plus) - phi)
-        minus = np.exp(self.space.at_points(state.psi_minus) + phi)
-        return plus, minus
+    def _species(
+        self, ions: Ions, plus: Floats, minus: Floats
+    ) -> tuple[tuple[Floats, Floats, float], tuple[Floats, Floats, float]]:
+        scales = self.scales
+        return (
+            (ions.plus, plus, scales.cation_nm2_us),
+            (ions.minus, minus, scales.anion_nm2_us),
+        )
 
-    def body_force(self, state: State) -> Array:
-        """Give the force on the water, (2, cell, point), pN/nm^3.
+    def _flux(
+        self, psi: Floats, density: Floats, diffusivity: float, flow: tuple[Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """Minus the flux of a species, over its diffusivity."""
+        slope_r, slope_z = self.space.slopes(psi)
+        return (
+            density * (slope_r - flow[0] / diffusivity),
+            density * (slope_z - flow[1] / diffusivity),
+        )
 
-        The electric force less the gradient of the excess osmotic pressure: what is left is zero in
-        neutral water and at rest, and its two terms are electro- and diffusioosmosis.
+    def jacobian(self, ions: Ions, flow: tuple[Floats, Floats]) -> scipy.sparse.linalg.SuperLU:
+        """Factorise the slope of the residual by the unknowns (phi, psi+, psi- of each node)."""
+        space, k = self.space, self.scales.screening
+        plus, minus = self.concentrations(ions)
+        matrix = np.zeros((space.nodes2.shape[0], 27, 27))
+        mass_plus = k * space.products(space.value, plus, space.value)
+        mass_minus = k * space.products(space.value, minus, space.value)
+        matrix[:, :9, :9] = self.stiffness + mass_plus + mass_minus
+        matrix[:, :9, 9:18] = -mass_plus
+        matrix[:, :9, 18:] = mass_minus
+        for species, (psi, density, diffusivity) in enumerate(self._species(ions, plus, minus)):
+            at = slice(9 + 9 * species, 18 + 9 * species)
+            flux_r, flux_z = self._flux(psi, density, diffusivity, flow)
+            drift = space.products(space.by_r, flux_r, space.value)
+            drift += space.products(space.by_z, flux_z, space.value)
+            matrix[:, at, at] = drift
+            matrix[:, at, at] += space.products(space.by_r, density, space.by_r)
+            matrix[:, at, at] += space.products(space.by_z, density, space.by_z)
+            matrix[:, at, :9] = -drift if species == 0 else drift
+        return factorised(sparse_sum(self.nodes3, self.nodes3, matrix, self.free3))
+
+    def step(
+        self, ions: Ions, flow: tuple[Floats, Floats], factors: scipy.sparse.linalg.SuperLU
+    ) -> float:
+        """Take one Newton step in place and return its largest change, in kT/e, before any cut."""
+        residual = self.residual(ions, flow)
+        residual[self.held] = 0
+        change = np.asarray(factors.solve(residual.ravel()))
+        largest = _limited(change)
+        if not math.isfinite(largest):
+            raise InputError(_NO_END)
+        change = change.reshape(-1, 3)
+        ions.phi -= change[:, 0]
+        ions.plus -= change[:, 1]
+        ions.minus -= change[:, 2]
+        return largest
+
+    def solve(
+        self, ions: Ions, flow: tuple[Floats, Floats]
+    ) -> tuple[int, scipy.sparse.linalg.SuperLU]:
+        """Newton's method in place; return the steps and the last factors."""
+        for steps in range(1, _MOST_STEPS + 1):
+            factors = self.jacobian(ions, flow)
+            # The step after a small one squares it, and needs no new factors either.
+            if self.step(ions, flow, factors) < 1e-4:
+                return steps, factors
+        raise InputError(_NO_END)
+
+    def fluxes(self, ions: Ions, flow: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+        """Flux of cations and of anions along z through the trans and the cis end, each (2,).
+
+        In units of salt_mm nm3/us, from the residual at the held nodes: as exact as the energy.
         """
-        salt = (state.psi_plus + state.psi_minus) / 2.0
-        virtual = (state.psi_plus - state.psi_minus) / 2.0
-        layer = self.space.at_points(state.phi - virtual)
-        neutral = 2.0 * self.physics.osmotic_pn_nm2 * np.exp(self.space.at_points(salt))
-        electric = neutral * np.sinh(layer) * self.space.gradient(virtual)
-        # cosh(x) - 1 without cancellation
-        return electric - neutral * 2.0 * np.sinh(layer / 2.0) ** 2 * self.space.gradient(salt)
-
-    def current_a(self, state: State, flow: Array) -> float:
-        """Give the electric current from trans to cis, A.
-
-        The flux through the trans end is tested with the shape functions that do not vanish there,
-        which conserves charge exactly on any mesh.
-        """
-        plus, minus = self.concentrations(state)
-        space, physics = self.space, self.physics
-        slope_plus = space.gradient(state.psi_plus) - flow / physics.cation_nm2_us
-        slope_minus = space.gradient(state.psi_minus) - flow / physics.anion_nm2_us
-        cations = space.vector(flux=plus * slope_plus)[self._trans].sum()
-        anions = space.vector(flux=minus * slope_minus)[self._trans].sum()
-        net = physics.cation_nm2_us * cations - physics.anion_nm2_us * anions
-        return float(2.0 * np.pi * net * physics.ampere)
-
-    def _charge_balance(self, state: State, plus: Array, minus: Array) -> Array:
-        source = -self.physics.charge_nm2 * (plus - minus)
-        return self.space.vector(source, self.space.gradient(state.phi)) - self._wall
+        residual = self.residual(ions, flow)[:, 1:]
+        diffusivity = np.array([self.scales.cation_nm2_us, self.scales.anion_nm2_us])
+        parts = [
+            sign * 2 * math.pi * diffusivity * residual[self.space.boundary(name)].sum(axis=0)
+            for name, sign in (("trans", 1.0), ("cis", -1.0))
+        ]
+        return np.array([parts[0][0], parts[1][0]]), np.array([parts[0][1], parts[1][1]])
 
 
-def _not_converged(what: str) -> str:
-    return (
-        f"the {what} did not converge in {_MOST_STEPS} steps: give a lower voltage_v or less "
-        "surface charge"
-    )
+_NO_END = (
+    "the ions' equations found no solution; lower voltage_v or surface_charge_e_nm2, or choose "
+    "accuracy = 'careful'"
+)
+
+
+def _limited(step: NDArray[np.float64]) -> float:
+    largest = float(np.abs(step).max(initial=0.0))
+    if largest > _LARGEST_STEP:
+        step *= _LARGEST_STEP / largest
+    return largest

@@ -1,180 +1,189 @@
-"""A solved field: nodal values on the refined tensor grid, and their evaluation anywhere in it."""
+"""A solved field and its values at any point of the fluid."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from rotortrack.errors import FieldError
-from rotortrack.simulate.field.mesh import Mesh
+from rotortrack.errors import InputError, UsageError
+from rotortrack.simulate.field.mesh import Floats
 from rotortrack.simulate.field.options import FieldOptions
-from rotortrack.simulate.field.space import Array, Space
+from rotortrack.simulate.field.pnp import Ions, Scales
+from rotortrack.simulate.field.space import Space, physical_slopes, reference_q2
 
-NODAL: Final = ("phi", "phi_rest", "psi_plus", "psi_minus", "u_r", "u_z")
+_SLOPES = {
+    "e_applied": "applied",
+    "e_equilibrium": "equilibrium",
+    "lnc": "salt",
+}
+
+FIELD_QUANTITIES = (
+    "e_applied_r",
+    "e_applied_z",
+    "e_equilibrium_r",
+    "e_equilibrium_z",
+    "u_r",
+    "u_z",
+    "lnc_r",
+    "lnc_z",
+    "potential",
+    "potential_applied",
+    "potential_equilibrium",
+    "cation_mm",
+    "anion_mm",
+    "lnc",
+)
+"""E in V/m, u in nm/us, slopes of ln c in 1/nm, potentials in V."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FieldSolution:
-    """Potential, salt and flow around a pore.
+    """Potential, ions and flow around a pore.
+
+    The potential is the sum of two parts. With the same salt on both sides the equilibrium part is
+    that without voltage, and the applied part the rest: the second scales with small voltages, the
+    first does not change. With a salt gradient no such state exists; there the applied part is v =
+    (psi+ - psi-)/2, the potential outside the double layers, and the equilibrium part their excess.
+    ln c is that of the neutral salt in equilibrium with the ions, smooth through double layers.
 
     Attributes
     ----------
-    options
-        What was solved.
-    mesh
-        Cells of the solution.
-    nodal
-        By name of ``NODAL``: (2 columns + 1, 2 rows + 1) values at corners, edge middles and
-        centres of the cells, nan within the membrane; potentials in thermal voltages, flow in
-        nm/us.
-    thermal_v
-        Thermal voltage, V.
-    trans_potential_v
-        Potential of the trans solution; differs from ``voltage_v`` where the electrical condition
-        is not a fixed potential.
     current_a, flow_m3_s
-        Electric current and flow of water from trans to cis.
+        Current and volume flow, positive from trans to cis.
     current_error_rel, flow_error_rel
-        Their relative errors as told by a coarser mesh.
-    unknowns
-        Of the finest mesh: potential, salt and flow.
-    newton_steps, flow_passes
-        Newton steps, and passes between salt and flow, on the finest mesh.
-    seconds
-        Wall time of all meshes.
+        Estimates of their relative errors from meshes of three kinds (see :mod:`~.solve`). What the
+        size of the box changes is not in them.
+    voltage_v
+        Potential of the trans solution against the cis one, V: found, if no current flows.
+    unknowns, iterations, seconds
+        Of the finer mesh; time of all meshes.
     """
 
     options: FieldOptions
-    mesh: Mesh
-    nodal: dict[str, Array]
-    thermal_v: float
-    trans_potential_v: float
+    space: Space
+    scales: Scales
+    rest: Ions | None
+    ions: Ions
+    velocity: Floats
+    voltage_v: float
     current_a: float
     flow_m3_s: float
     current_error_rel: float
     flow_error_rel: float
     unknowns: int
-    newton_steps: int
-    flow_passes: int
+    iterations: int
     seconds: float
 
-    @property
-    def in_equilibrium_split(self) -> bool:
-        """Whether the field at rest is an equilibrium that can be subtracted as such."""
-        return self.options.cis_mm == self.options.trans_mm
+    def nodal(self, name: str) -> Floats:
+        """Values (n2,) at the mesh's nodes of "phi", "applied", "equilibrium", "salt"; kT/e."""
+        ions = self.ions
+        if name == "phi":
+            return ions.phi
+        if name == "salt":
+            return ions.salt
+        applied = ions.virtual if self.rest is None else ions.phi - self.rest.phi
+        return applied if name == "applied" else ions.phi - applied
 
-    def evaluate(self, quantity: str, r_nm: Array, z_nm: Array) -> Array:
-        """Evaluate a quantity at points in the water.
-
-        Parameters
-        ----------
-        quantity
-            ``potential_v``, ``cation_mm``, ``anion_mm``, ``u_r`` and ``u_z`` (nm/us),
-            ``e_applied_r``, ``e_applied_z``, ``e_equilibrium_r``, ``e_equilibrium_z`` (V/m),
-            ``lnc_r`` and ``lnc_z`` (1/nm), the gradient of the logarithm of the salt outside the
-            double layer.
-        r_nm, z_nm
-            Coordinates, of one shape.
-
-        Returns
-        -------
-        ndarray
-            nan at points within the membrane.
+    def evaluate(self, quantity: str, r_nm: ArrayLike, z_nm: ArrayLike) -> Floats:
+        """Value of one of :data:`FIELD_QUANTITIES` at points of the fluid; walls belong to it.
 
         Raises
         ------
-        FieldError
-            Unknown quantity, or a point outside the box.
+        UsageError
+            Unknown quantity.
+        InputError
+            A point lies in the membrane or outside the solved volume.
         """
-        r, z = np.broadcast_arrays(np.asarray(r_nm, np.float64), np.asarray(z_nm, np.float64))
-        if quantity in {"u_r", "u_z"}:
-            return self._at(quantity, r, z)[0]
-        if quantity == "potential_v":
-            return self._at("phi", r, z)[0] * self.thermal_v
-        unit_mm = (self.options.cis_mm + self.options.trans_mm) / 2.0
-        if quantity == "cation_mm":
-            return np.exp(self._at("psi_plus", r, z)[0] - self._at("phi", r, z)[0]) * unit_mm
-        if quantity == "anion_mm":
-            return np.exp(self._at("psi_minus", r, z)[0] + self._at("phi", r, z)[0]) * unit_mm
-        name, _, axis = quantity.rpartition("_")
-        if axis not in {"r", "z"} or name not in {"e_applied", "e_equilibrium", "lnc"}:
-            raise FieldError(f"{quantity!r} is not a quantity of a solved field")
-        part = 1 if axis == "r" else 2
+        return self.evaluate_all((quantity,), r_nm, z_nm)[quantity]
+
+    def evaluate_all(
+        self, quantities: tuple[str, ...], r_nm: ArrayLike, z_nm: ArrayLike
+    ) -> dict[str, Floats]:
+        """Values of several quantities; the search for the cells is shared."""
+        unknown = [name for name in quantities if name not in FIELD_QUANTITIES]
+        if unknown:
+            raise UsageError(
+                f"no field quantity {unknown[0]!r}; known are {', '.join(FIELD_QUANTITIES)}"
+            )
+        r, z = np.broadcast_arrays(np.asarray(r_nm, float), np.asarray(z_nm, float))
+        nodes, value, by_r, by_z = self._located(np.stack([r.ravel(), z.ravel()]))
+        thermal = self.scales.thermal_v
+        results: dict[str, Floats] = {}
+        for name in quantities:
+            stem, _, part = name.rpartition("_")
+            if stem in _SLOPES:
+                slope = by_r if part == "r" else by_z
+                values = self.nodal(_SLOPES[stem])[nodes]
+                factor = 1.0 if stem == "lnc" else -thermal * 1e9
+                out = factor * np.sum(slope * values, axis=1)
+                if part == "r":
+                    out[r.ravel() == 0] = 0.0
+            elif stem == "u":
+                out = np.sum(value * self.velocity[0 if part == "r" else 1][nodes], axis=1)
+            else:
+                out = self._scalar(name, nodes, value)
+            results[name] = out.reshape(r.shape)
+        return results
+
+    def _scalar(self, name: str, nodes: np.ndarray, value: Floats) -> Floats:
+        def at(nodal: Floats) -> Floats:
+            return np.asarray(np.sum(value * nodal[nodes], axis=1))
+
+        ions, scales = self.ions, self.scales
+        if name == "cation_mm":
+            return scales.salt_mm * np.exp(at(ions.plus - ions.phi))
+        if name == "anion_mm":
+            return scales.salt_mm * np.exp(at(ions.minus + ions.phi))
         if name == "lnc":
-            return (self._at("psi_plus", r, z)[part] + self._at("psi_minus", r, z)[part]) / 2.0
-        volts_per_m = -self.thermal_v * 1e9
-        phi = self._at("phi", r, z)[part]
-        if self.in_equilibrium_split:
-            rest = self._at("phi_rest", r, z)[part]
-        else:
-            # No equilibrium exists between unequal salts: the double layer's own potential is what
-            # the virtual neutral water beside each point does not have.
-            virtual = self._at("psi_plus", r, z)[part] - self._at("psi_minus", r, z)[part]
-            rest = phi - virtual / 2.0
-        return (phi - rest if name == "e_applied" else rest) * volts_per_m
+            return at(ions.salt) + float(np.log(scales.salt_mm))
+        part = {"potential": "phi"}.get(name, name.removeprefix("potential_"))
+        return scales.thermal_v * at(self.nodal(part))
 
-    def _at(self, name: str, r: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Value and derivatives along r and z of the quadratic polynomial of each point's cell."""
-        i, along_r = _place(self.mesh.r_nm, r, "r")
-        j, along_z = _place(self.mesh.z_nm, z, "z")
-        i, j = self._into_water(i, j, along_r, along_z)
-        values, slopes = [], []
-        for lines, at, s in ((self.mesh.r_nm, i, along_r), (self.mesh.z_nm, j, along_z)):
-            size = lines[at + 1] - lines[at]
-            t = np.where(s == -1.0, 1.0, np.where(s == 2.0, 0.0, s))
-            values.append(((1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)))
-            slopes.append(((4 * t - 3) / size, (4 - 8 * t) / size, (4 * t - 1) / size))
-        grid = self.nodal[name]
-        total = [np.zeros(r.shape) for _ in range(3)]
-        for a in range(3):
-            for b in range(3):
-                node = grid[2 * i + a, 2 * j + b]
-                total[0] += node * values[0][a] * values[1][b]
-                total[1] += node * slopes[0][a] * values[1][b]
-                total[2] += node * values[0][a] * slopes[1][b]
-        return total[0], total[1], total[2]
-
-    def _into_water(
-        self, i: NDArray[np.int64], j: NDArray[np.int64], along_r: Array, along_z: Array
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Take the fluid cell of points that lie on a face of the membrane.
-
-        Moves the cell index and marks the place in it by -1 (upper end) or 2 (lower end).
-        """
-        fluid = self.mesh.fluid
-        columns, rows = fluid.shape
-        for axis, along, most in ((0, along_r, columns), (1, along_z, rows)):
-            for edge, step, mark in ((0.0, -1, -1.0), (1.0, 1, 2.0)):
-                at = [i, j]
-                at[axis] = np.clip(at[axis] + step, 0, most - 1)
-                moved = ~fluid[i, j] & (np.abs(along - edge) < 1e-9) & fluid[at[0], at[1]]
-                along[moved] = mark
-                i, j = np.where(moved, at[0], i), np.where(moved, at[1], j)
-        return i, j
-
-
-def nodal_grid(mesh: Mesh, space: Space, values: Array) -> Array:
-    """Sort nodal values into the refined tensor grid, nan within the membrane."""
-    grid = np.full((2 * mesh.r_nm.size - 1, 2 * mesh.z_nm.size - 1), np.nan)
-    places = []
-    for lines, at in ((mesh.r_nm, space.r_of), (mesh.z_nm, space.z_of)):
-        fine = np.empty(2 * lines.size - 1)
-        fine[::2] = lines
-        fine[1::2] = (lines[1:] + lines[:-1]) / 2.0
-        right = np.clip(np.searchsorted(fine, at), 1, fine.size - 1)
-        places.append(np.where(at - fine[right - 1] < fine[right] - at, right - 1, right))
-    grid[places[0], places[1]] = values
-    return grid
-
-
-def _place(lines: Array, at: Array, name: str) -> tuple[NDArray[np.int64], Array]:
-    if np.any((at < lines[0]) | (at > lines[-1])):
-        raise FieldError(
-            f"{name}_nm lies outside the solved box of {lines[0]:g} to {lines[-1]:g} nm: solve a "
-            "larger box (box_radius_nm, box_height_nm) or use the field's table"
+    def _located(self, points: Floats) -> tuple[np.ndarray, Floats, Floats, Floats]:
+        space, grid = self.space, self.space.grid
+        if not np.isfinite(points).all():
+            raise InputError("field points must be finite numbers")
+        sharp = points if grid.rim is None else grid.rim.undisplaced(points)
+        i = _cell(grid.r_nm, sharp[0])
+        j = _cell(grid.z_nm, sharp[1])
+        inside = grid.solid[i, j]
+        if inside.any():
+            # A point on a wall may have been counted to the membrane's cell behind it.
+            tiny = 1e-7 * grid.r_nm[-1]
+            for axis, lines, index in ((0, grid.r_nm, i), (1, grid.z_nm, j)):
+                low = inside & (sharp[axis] - lines[index] < tiny) & (index > 0)
+                index[low] -= 1
+                inside = grid.solid[i, j]
+                high = inside & (lines[index + 1] - sharp[axis] < tiny) & (index + 2 < lines.size)
+                index[high] += 1
+                inside = grid.solid[i, j]
+        outside = (points[0] < 0) | (points[0] > grid.r_nm[-1] * (1 + 1e-9))
+        outside |= np.abs(points[1]) > grid.z_nm[-1] * (1 + 1e-9)
+        if (inside | outside).any():
+            r, z = points[:, np.flatnonzero(inside | outside)[0]]
+            raise InputError(
+                f"point r = {r:g} nm, z = {z:g} nm is in the membrane or outside the solved volume"
+            )
+        cells = space.cell_of[i, j]
+        nodes = space.nodes2[cells]
+        # Cells are rectangles of the sharp geometry; find how their local axes lie from corners.
+        corner = space.sharp[:, nodes[:, 0]]
+        ahead, aside = space.sharp[:, nodes[:, 1]] - corner, space.sharp[:, nodes[:, 3]] - corner
+        offset = sharp - corner
+        determinant = ahead[0] * aside[1] - ahead[1] * aside[0]
+        local = np.stack(
+            [
+                (offset[0] * aside[1] - offset[1] * aside[0]) / determinant,
+                (ahead[0] * offset[1] - ahead[1] * offset[0]) / determinant,
+            ]
         )
-    cell = np.clip(np.searchsorted(lines, at, side="right") - 1, 0, lines.size - 2)
-    return cell, (at - lines[cell]) / (lines[cell + 1] - lines[cell])
+        value, slopes = reference_q2(np.clip(local, 0.0, 1.0))
+        jacobian = np.einsum("kpn,pnl->pkl", space.points[:, nodes], slopes)
+        by_r, by_z = physical_slopes(jacobian, slopes)
+        return nodes, value, by_r, by_z
+
+
+def _cell(lines: Floats, at: Floats) -> np.ndarray:
+    return np.clip(np.searchsorted(lines, at, side="right") - 1, 0, lines.size - 2)
