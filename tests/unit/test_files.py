@@ -231,7 +231,7 @@ RUNNING, GONE = os.getppid(), 2**31 - 2
         "elsewhere, young",
         "elsewhere, clock wrong",
         "elsewhere, old",
-    ],  # fmt: skip
+    ],
 )
 def test_sweep_goes_by_process_here_and_by_age_elsewhere(
     tmp_path: Path, host: str, pid: int, days: float, swept: bool

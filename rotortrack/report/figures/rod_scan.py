@@ -61,7 +61,7 @@ def figure(runs: pd.DataFrame, time_us: Floats, turned_rad: Floats) -> Figure:
             canvas.notice(axes, "no rod rotates steadily")
         return made
     distance = rods["end_to_end_xy_nm"].to_numpy(np.float64)
-    ends.hist(distance, bins=np.arange(0.0, 475.0, 25.0), color=style.BLUE, edgecolor="white")
+    ends.hist(distance, bins=[25.0 * k for k in range(19)], color=style.BLUE, edgecolor="white")
     ends.set_xlabel("end-to-end distance seen from above (nm)")
     ends.set_ylabel("rods")
     _angles(angles, time_us[turning.to_numpy()], turned_rad[turning.to_numpy()])
@@ -74,8 +74,11 @@ def _diagram(made: Figure, axes: Axes, runs: pd.DataFrame) -> None:
     charges, ratios = (np.sort(runs[name].unique()) for name in ("lambda_eff", "flow_ratio"))
     rate = np.full((ratios.size, charges.size), np.nan)
     kind = np.full(rate.shape, np.nan)
-    for (ratio, charge), cell in runs.groupby(["flow_ratio", "lambda_eff"]):
-        place = int(np.searchsorted(ratios, ratio)), int(np.searchsorted(charges, charge))
+    for i, j in np.ndindex(rate.shape):
+        place = i, j
+        cell = runs[(runs["flow_ratio"] == ratios[i]) & (runs["lambda_eff"] == charges[j])]
+        if cell.empty:
+            continue
         turning = cell[cell["end"] == "rotating_steadily"]
         if len(turning):
             rate[place] = math.log10(max(float(turning["rate_rev_s"].abs().mean()), 1e-3))

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from rotortrack.errors import ArchiveError, FieldError
 from rotortrack.simulate.archive import read_archive, write_archive
-from rotortrack.simulate.field.grading import Grading, graded, graded_both
+from rotortrack.simulate.field.mesh import graded
 from rotortrack.simulate.field.options import FieldOptions
 from rotortrack.simulate.field.sample import QUANTITIES, hermite_nodes
 
 LINEAR_TO_V: Final = 0.2
 """Flow is linear in the voltage to 2.4 % up to here, and 16 % less than linear at 0.5 V."""
 
-SPACING: Final = Grading(0.5, 1.12, widest_nm=20.0)
-"""Distance of a table's lines: on the walls, its growth away from them, and at most."""
+SPACING: Final = (0.5, 1.12, 20.0)
+"""Distance of a table's lines: on the walls (nm), its growth away from them, and at most (nm)."""
 
 _CORNER_NM: Final = 0.35
 """Fields are infinite at a sharp rim; its node has their mean at this distance."""
@@ -41,6 +41,10 @@ class Solution(Protocol):
         """Pore, salt and voltage."""
 
     @property
+    def voltage_v(self) -> float:
+        """Potential of the trans solution."""
+
+    @property
     def current_a(self) -> float:
         """Current from trans to cis."""
 
@@ -56,8 +60,8 @@ class Solution(Protocol):
     def flow_error_rel(self) -> float:
         """Relative error of the flow."""
 
-    def evaluate(self, quantity: str, r_nm: Array, z_nm: Array) -> Array:
-        """Evaluate one quantity at points in the water."""
+    def evaluate_all(self, quantities: Sequence[str], r_nm: Array, z_nm: Array) -> dict[str, Array]:
+        """Evaluate some quantities at points in the water."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +113,7 @@ class FieldTable:
     @property
     def rim_radius_nm(self) -> float:
         """Radius of the pore's rim, 0 for a sharp one."""
-        return float(self.options.get("rim_radius_nm", 0.0))
+        return float(self.options["rim_radius_nm"])
 
     def scaled(self, voltage_v: float) -> FieldTable:
         """Give the fields of another voltage, to which all but those at rest are proportional.
@@ -202,7 +206,7 @@ class FieldTable:
             raise ArchiveError(f"{path} cannot be read as {_KIND} ({error})") from error
 
 
-def tabulate(solution: Solution, spacing: Grading = SPACING) -> FieldTable:
+def tabulate(solution: Solution, spacing: tuple[float, float, float] = SPACING) -> FieldTable:
     """Sample a solved field on the grid of a table.
 
     Parameters
@@ -219,16 +223,14 @@ def tabulate(solution: Solution, spacing: Grading = SPACING) -> FieldTable:
     options = solution.options
     radius, half = options.pore_radius_nm, options.membrane_nm / 2.0
     outer, height = options.box_radius_nm, options.box_height_nm / 2.0
-    lumen = radius - graded(radius, spacing)[::-1]
-    r_nm = np.concatenate((lumen, radius + graded(outer - radius, spacing)[1:]))
-    above = half + graded(height - half, spacing)[1:]
-    z_nm = np.concatenate((-above[::-1], graded_both(2.0 * half, spacing) - half, above))
+    lumen = radius - graded(radius, *spacing)[::-1]
+    r_nm = np.concatenate((lumen, radius + graded(outer - radius, *spacing)[1:]))
+    above = half + graded(height - half, *spacing)[1:]
+    within = graded(2.0 * half, *spacing, both=True) - half
+    z_nm = np.concatenate((-above[::-1], within, above))
     r_nm[0] = 0.0
     r, z = np.meshgrid(r_nm, z_nm, indexing="ij")
-    outside_r, outside_z = _nearest_water(r, z, radius, half)
-    values = np.stack(
-        [_mean_about(solution, name, outside_r, outside_z) for name in QUANTITIES], axis=-1
-    )
+    values = _mean_about(solution, *_nearest_water(options, r, z))
     for k, name in enumerate(QUANTITIES):
         if name.endswith("_r"):
             values[0, :, k] = 0.0
@@ -237,7 +239,7 @@ def tabulate(solution: Solution, spacing: Grading = SPACING) -> FieldTable:
         z_nm=z_nm,
         values=values,
         options=dataclasses.asdict(options),
-        voltage_v=options.voltage_v,
+        voltage_v=solution.voltage_v,
         current_a=solution.current_a,
         flow_m3_s=solution.flow_m3_s,
         current_error_rel=solution.current_error_rel,
@@ -245,33 +247,54 @@ def tabulate(solution: Solution, spacing: Grading = SPACING) -> FieldTable:
     )
 
 
-def _nearest_water(r: Array, z: Array, radius: float, half: float) -> tuple[Array, Array]:
-    """Move points within the membrane, and on its corner, to the nearest water."""
-    to_lumen = r - radius
-    to_face = half - np.abs(z)
-    inside = (to_lumen > 0.0) & (to_face > 0.0)
-    sideways = inside & (to_lumen <= to_face)
-    up = inside & ~sideways
-    r = np.where(sideways, radius, r)
-    z = np.where(up, np.copysign(half, z), z)
-    # Both distances are equal on the diagonal from the corner, which moves sideways to z itself.
-    return r, z
+def _nearest_water(options: FieldOptions, r: Array, z: Array) -> tuple[Array, Array]:
+    """Move points within the membrane to the nearest water, on a rounded rim to its arc."""
+    radius, half, rim = options.pore_radius_nm, options.membrane_nm / 2.0, options.rim_radius_nm
+    to_lumen, to_face = r - radius, half - np.abs(z)
+    inside = ~_is_wet(options, r, z)
+    # Seen from the middle of the rim's arc, the water lies towards the axis and the face.
+    x, y = rim - to_lumen, rim - to_face
+    rounded = inside & (x > 0.0) & (y > 0.0)
+    sideways = inside & ~rounded & (to_lumen <= to_face)
+    up = inside & ~rounded & ~sideways
+    stretch = rim / np.where(rounded, np.hypot(x, y), 1.0)
+    moved_r = np.where(rounded, radius + rim - x * stretch, np.where(sideways, radius, r))
+    moved_z = np.where(rounded, half - rim + y * stretch, np.where(up, half, np.abs(z)))
+    return moved_r, np.copysign(moved_z, z)
 
 
-def _mean_about(solution: Solution, name: str, r: Array, z: Array) -> Array:
-    """Mean over the cells that meet at each point: slopes of the solution jump there."""
+def _is_wet(options: FieldOptions, r: Array, z: Array) -> NDArray[np.bool_]:
+    """Whether points lie in the water or on a wall."""
+    radius, half, rim = options.pore_radius_nm, options.membrane_nm / 2.0, options.rim_radius_nm
+    x, y = radius + rim - r, np.abs(z) - half + rim
+    beyond_arc = (x > 0.0) & (y > 0.0) & (np.hypot(x, y) >= rim)
+    return np.asarray((r <= radius) | (np.abs(z) >= half) | (beyond_arc & (rim > 0.0)))
+
+
+def _mean_about(solution: Solution, r: Array, z: Array) -> Array:
+    """Mean of all quantities over the cells that meet at each point: slopes jump there.
+
+    Returns
+    -------
+    ndarray
+        (nr, nz, 8).
+    """
     options = solution.options
     radius, half = options.pore_radius_nm, options.membrane_nm / 2.0
     at_corner = (np.abs(r - radius) < _NUDGE_NM) & (np.abs(np.abs(z) - half) < _NUDGE_NM)
     reach = np.where(at_corner, _CORNER_NM / np.sqrt(2.0), _NUDGE_NM)
-    total, count = np.zeros(r.shape), np.zeros(r.shape)
+    total, count = np.zeros((*r.shape, len(QUANTITIES))), np.zeros(r.shape)
     for along_r in (-1.0, 1.0):
         for along_z in (-1.0, 1.0):
             at_r = np.clip(r + along_r * reach, 0.0, options.box_radius_nm)
-            at_z = z + along_z * reach
-            at_z = np.clip(at_z, -options.box_height_nm / 2.0, options.box_height_nm / 2.0)
-            wet = (at_r <= radius) | (np.abs(at_z) >= half)
-            safe_r, safe_z = np.where(wet, at_r, 0.0), np.where(wet, at_z, 0.0)
-            total += np.where(wet, solution.evaluate(name, safe_r, safe_z), 0.0)
+            highest = options.box_height_nm / 2.0
+            at_z = np.clip(z + along_z * reach, -highest, highest)
+            wet = _is_wet(options, at_r, at_z)
+            # Dry places are asked for on the axis, where all is water, and left out.
+            found = solution.evaluate_all(
+                QUANTITIES, np.where(wet, at_r, 0.0), np.where(wet, at_z, 0.0)
+            )
+            for k, name in enumerate(QUANTITIES):
+                total[..., k] += np.where(wet, found[name], 0.0)
             count += wet
-    return total / count
+    return total / count[..., np.newaxis]

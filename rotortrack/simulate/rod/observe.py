@@ -215,4 +215,4 @@ def _line_weights(at: Array, covered: float) -> Array:
         part = min(max((covered - at[i]) / edge, 0.0), 1.0)
         weights[i] += part - part**2 / 2.0
         weights[i + 1] += part**2 / 2.0
-    return weights / weights.sum()
+    return np.asarray(weights / weights.sum(), np.float64)
