@@ -15,6 +15,9 @@ from rotortrack.simulate.field.table import FieldTable, tabulate
 
 EMBEDDED: Final = Path(__file__).with_name("default_field.npz")
 
+_MESHES: Final = ((0.05, 1.2), (0.03, 1.15))
+"""Finest cells (nm) and growth of the two meshes."""
+
 
 @functools.cache
 def embedded_table() -> FieldTable:
@@ -35,10 +38,26 @@ def is_embedded(options: FieldOptions) -> bool:
 
 
 def main() -> None:
-    """Solve the default field carefully and put its table in its place."""
-    from rotortrack.simulate.field.solve import solve_field
+    """Solve the default field on two fine meshes and put the table of the finer in its place.
 
-    tabulate(solve_field(FieldOptions(accuracy="careful"))).save(EMBEDDED, compact=True)
+    A rod's rate shows more of a mesh than current and flow do, since it feels the field beside the
+    rim: rates on this table and on one of half its spacing differ by 0.1 to 0.3 %, as much as
+    those on the two meshes.
+    """
+    from rotortrack.simulate.field.solve import as_solution, field_grid, solve_on
+
+    options = FieldOptions(accuracy="careful")
+    coarse, fine = (solve_on(options, field_grid(options, *each)) for each in _MESHES)
+    shrinkage = _MESHES[1][0] / _MESHES[0][0]
+    # The singular rim leaves an error in proportion to its smallest cells.
+    rest = shrinkage / (1.0 - shrinkage)
+    solution = as_solution(
+        options,
+        fine,
+        current_error_rel=rest * abs(1.0 - coarse.current_a / fine.current_a),
+        flow_error_rel=rest * abs(1.0 - coarse.flow_m3_s / fine.flow_m3_s),
+    )
+    tabulate(solution).save(EMBEDDED, compact=True)
 
 
 if __name__ == "__main__":

@@ -60,7 +60,9 @@ class Solution(Protocol):
     def flow_error_rel(self) -> float:
         """Relative error of the flow."""
 
-    def evaluate_all(self, quantities: Sequence[str], r_nm: Array, z_nm: Array) -> dict[str, Array]:
+    def evaluate_all(
+        self, quantities: tuple[str, ...], r_nm: ArrayLike, z_nm: ArrayLike
+    ) -> dict[str, Array]:
         """Evaluate some quantities at points in the water."""
 
 
@@ -172,7 +174,7 @@ class FieldTable:
                 )
             },
         }  # fmt: skip
-        values = self.values.astype(np.float32) if compact else self.values
+        values: Any = self.values.astype(np.float32) if compact else self.values
         write_archive(path, {"r_nm": self.r_nm, "z_nm": self.z_nm, "values": values}, about)
 
     @classmethod
@@ -201,9 +203,11 @@ class FieldTable:
             options = vars(FieldOptions(**about["options"]))
             if options.keys() != about["options"].keys():
                 raise ValueError("its options are not whole")
-            return cls(**arrays, options=options, **{name: float(about[name]) for name in numbers})
+            told = {name: float(about[name]) for name in numbers}
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ArchiveError(f"{path} cannot be read as {_KIND} ({error})") from error
+        content: dict[str, Any] = {**arrays, **told, "options": options}
+        return cls(**content)
 
 
 def tabulate(solution: Solution, spacing: tuple[float, float, float] = SPACING) -> FieldTable:
