@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rotortrack.errors import ArchiveError, FieldError
 from rotortrack.simulate.archive import read_archive, write_archive
@@ -120,6 +120,10 @@ class FieldTable:
     def scaled(self, voltage_v: float) -> FieldTable:
         """Give the fields of another voltage, to which all but those at rest are proportional.
 
+        Current and flow are, to 2.4 % at 0.2 V. Beside the pore salt piles up on one side and is
+        lacking on the other: fields there, scaled from 0.1 V, are off by up to 2 % at 0.05 V and
+        5 % at 0.2 V. Solve at the voltage itself where that matters.
+
         Raises
         ------
         FieldError
@@ -138,15 +142,23 @@ class FieldTable:
                 f"{remedy}"
             )
         factor = voltage_v / self.voltage_v
-        factors = np.array([1.0 if "equilibrium" in name else factor for name in QUANTITIES])
+        # The mirror image of a pore has the opposite voltage, whatever piles up beside it.
+        image = self._mirrored() if factor < 0.0 else self
+        driven = np.array([1.0 if "equilibrium" in name else abs(factor) for name in QUANTITIES])
         return dataclasses.replace(
             self,
-            values=self.values * factors,
+            z_nm=image.z_nm,
+            values=image.values * driven,
             options={**self.options, "voltage_v": voltage_v},
             voltage_v=voltage_v,
             current_a=self.current_a * factor,
             flow_m3_s=self.flow_m3_s * factor,
         )
+
+    def _mirrored(self) -> FieldTable:
+        """Exchange cis and trans."""
+        sign = np.array([-1.0 if name.endswith("_z") else 1.0 for name in QUANTITIES])
+        return dataclasses.replace(self, z_nm=-self.z_nm[::-1], values=self.values[:, ::-1] * sign)
 
     def save(self, path: Path, *, compact: bool = False) -> None:
         """Write the table to an npz file, whole or not at all.
