@@ -153,20 +153,6 @@ def test_table_passes_the_flow_and_the_voltage_of_its_solution(table):
     assert np.trapezoid(1e-9 * along_axis[:, 3], z) == pytest.approx(0.0, abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
-@given(voltage=st.floats(-0.2, 0.2))
-def test_scaling_is_proportional_but_for_the_layer_at_rest(table, voltage):
-    scaled = table.scaled(voltage)
-    factor = voltage / 0.1
-    assert scaled.voltage_v == scaled.options["voltage_v"] == voltage
-    assert scaled.current_a == pytest.approx(factor * table.current_a, rel=1e-12, abs=0)
-    assert scaled.flow_m3_s == pytest.approx(factor * table.flow_m3_s, rel=1e-12, abs=0)
-    for k, name in enumerate(QUANTITIES):
-        share = 1.0 if "equilibrium" in name else factor
-        np.testing.assert_allclose(scaled.values[..., k], share * table.values[..., k], rtol=1e-12)
-    FieldOptions(**scaled.options)
-
-
 def test_scaling_to_the_same_voltage_or_there_and_back_changes_nothing(table):
     assert table.scaled(0.1) is table
     back = table.scaled(-0.2).scaled(0.1)
@@ -189,13 +175,18 @@ def test_tables_that_nothing_is_proportional_in_are_refused_with_the_remedy(tabl
             other.scaled(0.15)
 
 
-def test_scaled_table_is_that_of_the_other_voltage_to_its_linearity(table):
-    options = FieldOptions(voltage_v=-0.05)
+@pytest.mark.parametrize(
+    ("voltage", "most"), [(-0.1, 1e-3), (0.05, 0.03), (-0.05, 0.03), (0.2, 0.06)]
+)
+def test_scaled_table_is_that_of_the_other_voltage_to_its_linearity(table, voltage, most):
+    options = FieldOptions(voltage_v=voltage)
     other = tabulate(as_solution(options, solve_on(options, field_grid(options, 0.7, 2.0))))
-    scaled = table.scaled(-0.05)
+    scaled = table.scaled(voltage)
     assert scaled.flow_m3_s == pytest.approx(other.flow_m3_s, rel=0.025)
-    size = np.abs(other.values).max(axis=(0, 1))
-    assert (np.abs(scaled.values - other.values).max(axis=(0, 1)) < 0.12 * size).all()
+    r, z = np.meshgrid(table.r_nm, table.z_nm, indexing="ij")
+    wet = (r <= 25.0) | (np.abs(z) >= 10.0)
+    error = np.abs(scaled.values - other.values)[wet].max(axis=0)
+    assert (error < most * np.abs(other.values[wet]).max(axis=0)).all()
 
 
 @pytest.mark.parametrize("compact", [False, True])
