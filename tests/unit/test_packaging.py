@@ -43,6 +43,7 @@ def test_the_wheel_holds_both_packages_with_their_types(wheel: set[str]) -> None
     assert {"rotortrack/__init__.py", "rotortrack/localise/wavelet.py"} <= wheel
     assert {"rotortrack_cli/main.py", "rotortrack_cli/commands/convert.py"} <= wheel
     assert {"rotortrack/py.typed", "rotortrack_cli/py.typed"} <= wheel
+    assert "rotortrack/simulate/field/default_field.npz" in wheel
 
 
 def test_the_wheel_holds_nothing_else(wheel: set[str]) -> None:

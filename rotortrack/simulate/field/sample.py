@@ -26,6 +26,9 @@ QUANTITIES: Final = (
 )
 """Order of the quantities in a table: V/m, V/m, nm/us and 1/nm."""
 
+RADIAL: Final = tuple(k for k, name in enumerate(QUANTITIES) if name.endswith("_r"))
+"""Which of them are radial components, odd in r."""
+
 
 @kernel
 def sample_field(
@@ -111,15 +114,26 @@ def hermite_nodes(
     -------
     ndarray
         (nr, nz, 8, 4) value, slopes along r and z, and mixed slope, by central differences of
-        second order. Radial components are odd in r, axial ones even.
+        second order. Radial components are odd in r, axial ones even. At the outer edges the slope
+        across is that of the fields beyond, so that they join smoothly.
     """
-    along_r = _slopes(r_nm, values, 0)
-    radial = np.array([name.endswith("_r") for name in QUANTITIES])
-    # On the axis the parabola through the mirrored neighbour tells the slope.
-    along_r[0] = np.where(radial, values[1] / r_nm[1], 0.0)
+    along_r = _slopes_along_r(r_nm, values)
     along_z = _slopes(z_nm, values, 1)
+    # Fields beyond the table fall with the square of the distance R: R df/dR = -2 f at its edges.
+    along_r[-1] = (-2.0 * values[-1] - z_nm[:, None] * along_z[-1]) / r_nm[-1]
+    for edge in (0, -1):
+        along_z[:, edge] = (-2.0 * values[:, edge] - r_nm[:, None] * along_r[:, edge]) / z_nm[edge]
     mixed = _slopes(z_nm, along_r, 1)
+    mixed[:, [0, -1]] = _slopes_along_r(r_nm, along_z[:, [0, -1]])
     return np.ascontiguousarray(np.stack((values, along_r, along_z, mixed), axis=-1))
+
+
+def _slopes_along_r(r_nm: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    slopes = _slopes(r_nm, values, 0)
+    # On the axis the parabola through the mirrored neighbour tells the slope.
+    slopes[0] = 0.0
+    slopes[0][:, RADIAL] = values[1][:, RADIAL] / r_nm[1]
+    return slopes
 
 
 def _slopes(

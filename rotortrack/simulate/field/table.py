@@ -11,11 +11,11 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rotortrack.errors import ArchiveError, FieldError
+from rotortrack.errors import ArchiveError, ConfigurationError, FieldError
 from rotortrack.simulate.archive import read_archive, write_archive
 from rotortrack.simulate.field.mesh import graded
 from rotortrack.simulate.field.options import FieldOptions
-from rotortrack.simulate.field.sample import QUANTITIES, hermite_nodes
+from rotortrack.simulate.field.sample import QUANTITIES, RADIAL, hermite_nodes
 
 LINEAR_TO_V: Final = 0.2
 """Flow is linear in the voltage to 2.4 % up to here, and 16 % less than linear at 0.5 V."""
@@ -132,7 +132,7 @@ class FieldTable:
         if voltage_v == self.voltage_v:
             return self
         remedy = f"solve the field at voltage_v = {voltage_v:g} instead"
-        if abs(voltage_v) > LINEAR_TO_V or abs(self.voltage_v) > LINEAR_TO_V:
+        if not max(abs(voltage_v), abs(self.voltage_v)) <= LINEAR_TO_V:
             raise FieldError(
                 f"fields are proportional to the voltage up to {LINEAR_TO_V:g} V only: {remedy}"
             )
@@ -203,6 +203,8 @@ class FieldTable:
         lines = arrays["r_nm"], arrays["z_nm"]
         numbers = ("voltage_v", "current_a", "flow_m3_s", "current_error_rel", "flow_error_rel")
         try:
+            if about["kind"] != _KIND or about["quantities"] != list(QUANTITIES):
+                raise ValueError("it is another kind of archive, or of other quantities")
             if arrays["values"].shape != shape or min(shape) < 3:
                 raise ValueError("its arrays do not fit")
             if not all(np.isfinite(array).all() for array in arrays.values()):
@@ -211,12 +213,17 @@ class FieldTable:
                 raise ValueError("its lines do not increase from the axis")
             if not lines[1][0] < 0.0 < lines[1][-1]:
                 raise ValueError("its lines do not pass the pore")
+            if any(arrays["values"][0, :, k].any() for k in RADIAL):
+                raise ValueError("its radial parts do not vanish on the axis")
             # An own option that the file does not have would silently be the default.
             options = vars(FieldOptions(**about["options"]))
             if options.keys() != about["options"].keys():
                 raise ValueError("its options are not whole")
             told = {name: float(about[name]) for name in numbers}
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            # Errors that nobody estimated are no numbers.
+            if not np.isfinite([told[name] for name in numbers[:3]]).all():
+                raise ValueError(f"one of {', '.join(numbers[:3])} is no number")
+        except (KeyError, TypeError, ValueError, AttributeError, ConfigurationError) as error:
             raise ArchiveError(f"{path} cannot be read as {_KIND} ({error})") from error
         content: dict[str, Any] = {**arrays, **told, "options": options}
         return cls(**content)
@@ -247,9 +254,7 @@ def tabulate(solution: Solution, spacing: tuple[float, float, float] = SPACING) 
     r_nm[0] = 0.0
     r, z = np.meshgrid(r_nm, z_nm, indexing="ij")
     values = _mean_about(solution, *_nearest_water(options, r, z))
-    for k, name in enumerate(QUANTITIES):
-        if name.endswith("_r"):
-            values[0, :, k] = 0.0
+    values[0][:, RADIAL] = 0.0
     return FieldTable(
         r_nm=r_nm,
         z_nm=z_nm,
