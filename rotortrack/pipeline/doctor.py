@@ -150,7 +150,7 @@ def warm_up(draw: Draw | None = None) -> None:
 
     Notes
     -----
-    Takes about a minute when nothing is compiled yet.
+    Takes about two minutes when nothing is compiled yet.
     """
     import numpy as np
 
@@ -163,8 +163,10 @@ def warm_up(draw: Draw | None = None) -> None:
     from rotortrack.motion.estimate import compile_kernels
     from rotortrack.pipeline.run import run_movie
     from rotortrack.settings import Layer
+    from rotortrack.simulate.rod import warm
 
     compile_kernels()
+    warm.compile_kernels()
     with _temporary_folder() as folder, warnings.catch_warnings(record=True):
         options = _write_film(folder / "movie.tif")
         for method in (*METHODS, *QUICK_METHODS):

@@ -183,3 +183,30 @@ def test_runs_that_fail_are_counted_and_the_first_is_explained(call, scene, tmp_
     assert done.code == 0
     assert "2 runs; the first: step 3 at 1 us" in done.out
     assert done.out.splitlines()[1].split() == ["90", "x", "x"]
+
+
+def test_a_rotating_rod_tells_its_own_state_errors_and_picture(call, tmp_path) -> None:
+    output, animation = tmp_path / "rod.npz", tmp_path / "rod.gif"
+    words = ("-o", output, "--equilibrium", "--budget", "--animate", animation, "--json")
+    settled = ("--set", "start.offset_x_nm=40", "--set", "start.offset_y_nm=8")
+    done = call("simulate", "rod", SAMPLES / "rod.toml", *settled, *words)
+    assert done.code == 0, done.err
+    told = done.json
+    assert told["end"] == "rotating_steadily"
+    assert told["equilibrium"]["is_stable"]
+    assert told["equilibrium"]["rate_rev_s"] == pytest.approx(told["rate_rev_s"], rel=5e-4)
+    assert told["rate_error_rel"]["stepping"] < 1e-4
+    assert told["rate_error_rel"]["total"] >= told["rate_error_rel"]["vertices"] > 0.0
+    assert {path.name for path in tmp_path.iterdir()} == {"rod.npz", "rod.png", "rod.gif"}
+
+
+def test_pictures_can_be_left_out_and_other_animations_are_refused(call, scene, tmp_path) -> None:
+    folder = tmp_path / "made"
+    folder.mkdir()
+    path = scene(FREE_ROD)
+    done = call("simulate", "rod", path, "-o", folder / "rod.npz", "--animate", folder / "rod.avi")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "rod.avi" in done.err
+    done = call("simulate", "rod", path, "-o", folder / "rod.npz", "--no-figures")
+    assert done.code == 0
+    assert [one.name for one in folder.iterdir()] == ["rod.npz"]

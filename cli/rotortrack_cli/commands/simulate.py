@@ -135,6 +135,11 @@ def field(
     help="Write the rod's motion as an animation, too.",
 )
 @click.option(
+    "--equilibrium",
+    is_flag=True,
+    help="Tell the steadily rotating shape's own rate, by Newton's method, and if it is stable.",
+)
+@click.option(
     "--budget", is_flag=True, help="Tell the error of a steady rate by field, vertices and steps."
 )
 @output_flags
@@ -147,6 +152,7 @@ def rod(
     table: Path | None,
     no_figures: bool,
     animation: Path | None,
+    equilibrium: bool,
     budget: bool,
 ) -> None:
     """Simulate one rod: [rod] of a scene, in its [field] and with [thermal] noise, if any."""
@@ -176,7 +182,9 @@ def rod(
         animate(run, animation, field)
     console.text(run.end.sentence)
     console.table(("", ""), [[name, value] for name, value in seen.items()])
-    errors: dict[str, float] | None = None
+    errors = steady = None
+    if equilibrium and field is not None:
+        steady = _equilibrium(console, run, field)
     if budget and field is not None:
         errors = _errors(console, run, field, scene)
     origin = "none" if found is None else found.origin
@@ -189,6 +197,7 @@ def rod(
             "n_steps": run.n_steps,
             "seconds": run.seconds,
             "field": origin,
+            "equilibrium": steady,
             "rate_error_rel": errors,
         }
     )
@@ -275,6 +284,25 @@ def _field(
 
     with console.stage("field"):
         return field_for(scene.field, solve=solve, file=table)
+
+
+def _equilibrium(console: Console, run: RodRun, field: FieldTable) -> dict[str, Any]:
+    """Tell the steadily rotating shape near the end of a run."""
+    from rotortrack.simulate.rod.relative_equilibrium import find_equilibrium
+
+    with console.stage("equilibrium"):
+        found = find_equilibrium(run.rod, field, run.positions_nm[-1])
+    slowest = float(found.rates_per_us.real.max())
+    console.text(
+        f"steadily rotating shape: {found.rate_rev_s:.6g} rev/s, "
+        + (f"stable, back in {-1 / slowest:.3g} us" if found.is_stable else "not stable")
+    )
+    return {
+        "rate_rev_s": found.rate_rev_s,
+        "is_stable": found.is_stable,
+        "growth_per_us": slowest,
+        "newton_steps": found.iterations,
+    }
 
 
 def _errors(

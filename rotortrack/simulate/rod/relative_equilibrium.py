@@ -8,6 +8,9 @@ turns with it. There
 are 4 n equations for as many unknowns: vertices x, tensions T and omega. The phase condition keeps
 the shape from being turned, which would change nothing. The same matrix gives the rates at which
 small changes of the shape grow or die out.
+
+Some rods turn at a steady mean rate while their shape pulses; the state found near one of these is
+not stable and has another rate.
 """
 
 from __future__ import annotations
