@@ -9,7 +9,7 @@ from scipy.special import i0, i1
 
 from rotortrack.simulate.field.mesh import Grid, graded, pore_grid
 from rotortrack.simulate.field.options import FieldOptions
-from rotortrack.simulate.field.pnp import Ions, PoissonNernstPlanck, Scales
+from rotortrack.simulate.field.pnp import FARADAY_C_MOL, Ions, PoissonNernstPlanck, Scales
 from rotortrack.simulate.field.solve import field_grid, solve_on
 from rotortrack.simulate.field.space import Space
 from rotortrack.simulate.field.stokes import Stokes, excess_force
@@ -162,6 +162,44 @@ def test_volume_flow_through_the_pore_equals_that_through_the_far_end():
     inside = space.at_points(velocity[1]) * space.weight
     through = 2 * math.pi * inside[lumen].sum() / 20.0 * 1e-21
     assert through == pytest.approx(answer.flow_m3_s, rel=1e-9)
+
+
+def test_current_through_any_part_of_the_height_is_that_through_the_ends():
+    answer = coarse(1.4, 4.0, trans_mm=100.0)
+    space, scales, ions = answer.space, answer.scales, answer.ions
+    pnp = PoissonNernstPlanck(space, scales)
+    flow = [space.at_points(part) for part in answer.velocity]
+    charge = np.zeros_like(space.weight)
+    for sign, psi, density, diffusivity in zip(
+        (1, -1),
+        (ions.plus, ions.minus),
+        pnp.concentrations(ions),
+        (scales.cation_nm2_us, scales.anion_nm2_us),
+        strict=True,
+    ):
+        charge += sign * density * (flow[1] - diffusivity * space.slopes(psi)[1])
+    # Between two lines of the mesh: a mean over a height is the flux through each of its planes.
+    lines = np.unique(space.points1[1])
+    for ends_nm in ((-10.0, 10.0), (-200.0, -40.0), (60.0, 300.0)):
+        below, above = (lines[np.abs(lines - at).argmin()] for at in ends_nm)
+        within = (space.height > below) & (space.height < above)
+        through = 2 * math.pi * np.sum((charge * space.weight)[within]) / (above - below)
+        current_a = FARADAY_C_MOL * scales.salt_mm * 1e-21 * through
+        assert current_a == pytest.approx(answer.current_a, rel=1e-6)
+
+
+def test_exchanged_salts_reverse_current_and_flow():
+    salts = {"voltage_v": 0.0, "cis_mm": 50.0, "trans_mm": 550.0}
+    swapped = {**salts, "cis_mm": 550.0, "trans_mm": 50.0}
+    plain, mirrored = coarse(1.4, 4.0, **salts), coarse(1.4, 4.0, **swapped)
+    assert mirrored.current_a == pytest.approx(-plain.current_a, rel=1e-6)
+    assert mirrored.flow_m3_s == pytest.approx(-plain.flow_m3_s, rel=1e-6)
+
+
+def test_polarisation_takes_a_sixth_of_the_flow_at_half_a_volt_and_most_of_it_at_1_v():
+    base = coarse(1.4, 4.0, voltage_v=0.05).flow_m3_s / 0.05
+    losses = [1 - coarse(1.4, 4.0, voltage_v=v).flow_m3_s / (base * v) for v in (0.5, 1.0)]
+    np.testing.assert_allclose(losses, [0.16, 0.69], atol=0.015)
 
 
 def test_without_voltage_nothing_flows():

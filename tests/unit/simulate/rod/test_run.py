@@ -3,11 +3,16 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
 from rotortrack.errors import RodError
 from rotortrack.simulate.field.embedded import embedded_table
+from rotortrack.simulate.rod.balance import force_balance
+from rotortrack.simulate.rod.contact import contact_energy
+from rotortrack.simulate.rod.elasticity import bending_energy
 from rotortrack.simulate.rod.ends import RodEnd
 from rotortrack.simulate.rod.options import RodOptions, StartOptions, SteppingOptions
+from rotortrack.simulate.rod.parameters import rod_parameters
 from rotortrack.simulate.rod.placement import place_rod
 from rotortrack.simulate.rod.run import RodRun, run_rod
 
@@ -103,6 +108,32 @@ def test_voltage_and_time_scale_together_without_bending_and_wall():
     moved = np.abs(runs[0].positions_nm[-1] - runs[0].positions_nm[0]).max()
     assert moved > 5.0
     np.testing.assert_allclose(runs[0].positions_nm, runs[1].positions_nm, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("flow_ratio", "duration_us", "sample_us", "pushed"),
+    [(130.0, 4.0, 0.02, False), (20.0, 0.3, 2e-4, True)],
+    ids=["docked", "pressed"],
+)
+def test_power_of_the_field_is_stored_or_taken_by_the_drag(
+    docked, flow_ratio, duration_us, sample_us, pushed
+):
+    """Samples are as dense as the power changes, which it does within 1 ns where the rod hits."""
+    rod, field = RodOptions(flow_ratio=flow_ratio), toy_field()
+    start = docked.positions_nm[0 if pushed else -1]
+    stepping = SteppingOptions(duration_us=duration_us, sample_us=sample_us, tolerance_nm=1e-5)
+    run = run_rod(rod, stepping, start, field)
+    parameters = rod_parameters(rod, field)
+    bent = np.array([bending_energy(x, parameters) for x in run.positions_nm])
+    pressed = np.array([contact_energy(x, parameters) for x in run.positions_nm])
+    balances = [force_balance(x, rod, field) for x in run.positions_nm]
+    given = [np.sum(balance.driving * balance.velocity_nm_us) for balance in balances]
+    taken = [balance.power_pn_nm_us("net") for balance in balances]
+    work, heat = (simpson(power, x=run.time_us) for power in (given, taken))
+    assert work > 20.0
+    assert pressed[-1] > 20.0 if pushed else not pressed.any()
+    stored = (bent + pressed)[-1] - (bent + pressed)[0]
+    assert stored == pytest.approx(work - heat, abs=2e-5 * work)
 
 
 def test_angle_counts_full_turns_of_a_rigid_rotation():
