@@ -41,10 +41,12 @@ LETTERS = {
     "rotating_steadily": "R",
     "translocated": "T",
     "time_reached": "u",
+    "in_membrane": "m",
     "step_limit": "u",
     FAILED: "x",
 }
-"""What stands for an end in a written phase diagram; u: neither steady nor at an end."""
+"""What stands for an end in a written phase diagram; u: neither steady nor at an end; m: pressed
+into the membrane."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ def simulate_run(scene: Scene, field: FieldTable | None, run: ScanRun) -> RunRes
         **dataclasses.asdict(simulated.seen),
         **_point(run),
         "end": done.end.value,
+        "deepest_nm": done.numbers.deepest_nm,
         "simulated_us": done.simulated_us,
         "n_steps": done.n_steps,
         "problem": "",

@@ -25,6 +25,7 @@ RUNS = Schema(
         Column("torque_pn_nm", "float64", "pN nm", "torque of field and flow on the last shape"),
         Column("friction_pn_nm_s", "float64", "pN nm s", "rotational friction of the last shape"),
         Column("power_pn_nm_s", "float64", "pN nm/s", "friction times the rate squared"),
+        Column("deepest_nm", "float64", "nm", "how deep the rod's axis went into the membrane"),
         Column("simulated_us", "float64", "us", "time that was simulated"),
         Column("n_steps", "int64", "", "accepted steps of time"),
         Column("problem", "str", "", "why a run could not be simulated, empty otherwise"),

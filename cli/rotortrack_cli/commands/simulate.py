@@ -181,6 +181,12 @@ def rod(
 
         animate(run, animation, field)
     console.text(run.end.sentence)
+    depth = run.numbers.deepest_nm
+    if depth > 0.0:
+        console.text(
+            f"Its axis went {depth:.1f} nm into the membrane, whose rim gives way: a larger "
+            "wall_stiffness_pn_nm may end otherwise."
+        )
     console.table(("", ""), [[name, value] for name, value in seen.items()])
     errors = steady = None
     if equilibrium and field is not None:
@@ -197,6 +203,7 @@ def rod(
             "n_steps": run.n_steps,
             "seconds": run.seconds,
             "field": origin,
+            "deepest_nm": depth,
             "equilibrium": steady,
             "rate_error_rel": errors,
         }
@@ -242,7 +249,10 @@ def scan(
     console.table(*phase_diagram(done.runs))
     ends = {end: count for end, count in done.facts["ends"].items() if count}
     console.text(f"\n{len(done.runs)} runs in {output}: " + _counted(ends))
-    console.text("N not docked, D docked and still, R rotating, T translocated, u undecided")
+    console.text(
+        "N not docked, D docked and still, R rotating, T translocated, u undecided, "
+        "m in the membrane"
+    )
     problems = [sentence for sentence in done.runs["problem"] if sentence]
     if problems:
         console.text(f"x could not be simulated, {len(problems)} runs; the first: {problems[0]}")

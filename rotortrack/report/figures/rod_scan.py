@@ -22,6 +22,7 @@ _ENDS: Final = {
     "not_docked": ("not docked", style.VERMILLION),
     "translocated": ("translocated", style.GREY),
     "docked_still": ("docked, still", style.SKY),
+    "in_membrane": ("in the membrane", style.BLACK),
     "other": ("undecided", style.PALE),
 }
 _RATE_MAP: Final = "viridis"
@@ -107,7 +108,7 @@ def _diagram(made: Figure, axes: Axes, runs: pd.DataFrame) -> None:
     axes.set_title("phase diagram", y=1.0 + 0.25 / 2.5)
     if handles:
         axes.legend(
-            handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=4,
+            handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=5,
             borderaxespad=0.1, columnspacing=0.9, handlelength=1.0,
         )  # fmt: skip
 

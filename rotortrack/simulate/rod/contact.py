@@ -53,6 +53,28 @@ def wall_distance(r_nm: float, z_nm: float, rod: NDArray[np.float64]) -> tuple[f
 
 
 @kernel
+def deepest_nm(positions_nm: NDArray[np.float64], rod: NDArray[np.float64]) -> float:
+    """Give how deep the rod's axis went into the membrane, nm, negative where it stayed outside.
+
+    Parameters
+    ----------
+    positions_nm
+        Shapes of vertices, nm, shape (k, n, 3); segments are looked at in their quarters, too.
+    rod
+        Parameters of the rod, with a membrane.
+    """
+    deepest = -np.inf
+    for k in range(positions_nm.shape[0]):
+        for i in range(positions_nm.shape[1] - 1):
+            for quarter in range(5):
+                part = quarter / 4.0
+                x = (1.0 - part) * positions_nm[k, i] + part * positions_nm[k, i + 1]
+                distance = wall_distance(math.sqrt(x[0] * x[0] + x[1] * x[1]), x[2], rod)[0]
+                deepest = max(deepest, -distance)
+    return deepest
+
+
+@kernel
 def add_contact_force(
     x: NDArray[np.float64], rod: NDArray[np.float64], force: NDArray[np.float64]
 ) -> None:

@@ -13,7 +13,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.simulate.rod.parameters import HALF_MEMBRANE_NM, PORE_RADIUS_NM, ROD_RADIUS_NM
+from rotortrack.simulate.rod.contact import deepest_nm
+from rotortrack.simulate.rod.parameters import (
+    HALF_MEMBRANE_NM,
+    PORE_RADIUS_NM,
+    ROD_RADIUS_NM,
+    WALL,
+)
 
 HOVER_NM = 1.0
 """A rod whose lowest point floats this far above its contact with the membrane has not docked."""
@@ -23,6 +29,9 @@ AWAY_RADII = 2.0
 
 TRANSLOCATED_PART = 0.5
 """A rod with more of its vertices than this below the trans face has translocated."""
+
+SIGNED_DISTANCE = 2.0
+"""Walls from this reading on have an inside; the paper's pushes upwards only and has none."""
 
 STILL_REV_S = 10.0
 """Slowest rotation that is called one, rev/s."""
@@ -39,6 +48,7 @@ class RodEnd(Enum):
     ROTATING_STEADILY = "rotating_steadily"
     TRANSLOCATED = "translocated"
     NOT_DOCKED = "not_docked"
+    IN_MEMBRANE = "in_membrane"
     STEP_LIMIT = "step_limit"
 
     @property
@@ -56,6 +66,8 @@ _SENTENCES = {
     "lambda_eff to keep it.",
     RodEnd.NOT_DOCKED: "The rod floats above the pore or beside it: give a smaller flow_ratio or "
     "start nearer to the pore.",
+    RodEnd.IN_MEMBRANE: "The rod was pressed into the membrane, deeper than its radius, and what "
+    "came then means nothing: give a larger wall_stiffness_pn_nm.",
     RodEnd.STEP_LIMIT: "max_steps was reached before duration_us: give more steps, a larger "
     "tolerance_nm or a shorter duration.",
 }
@@ -80,6 +92,9 @@ class EndNumbers:
         How much nearer that is than a quarter of the run earlier.
     trans_part
         Part of the vertices below the trans face.
+    deepest_nm
+        How deep the rod's axis went into the membrane in any sample, negative where it stayed
+        outside; nan without a membrane.
     deformation_nm_us
         Largest speed of a vertex against the rigid rotation, over the last stretch; nan where the
         run did not watch for it.
@@ -93,6 +108,7 @@ class EndNumbers:
     nearest_nm: float
     approach_nm: float
     trans_part: float
+    deepest_nm: float
     deformation_nm_us: float
     settled: bool
 
@@ -130,7 +146,7 @@ def end_numbers(
     ends = time_us[-1] - span * np.arange(3)
     turned = np.interp(ends, time_us, turned_rad)
     rates = (turned[:-1] - turned[1:]) / span if span > 0.0 else np.full(2, math.nan)
-    lowest = nearest = approach = math.nan
+    lowest = nearest = approach = deepest = math.nan
     trans_part = 0.0
     if rod[PORE_RADIUS_NM] > 0.0:
         mouth = np.array([0.0, 0.0, rod[HALF_MEMBRANE_NM]])
@@ -141,6 +157,7 @@ def end_numbers(
         before = positions_nm[min(earlier, len(time_us) - 1)] - mouth
         approach = float(np.linalg.norm(before, axis=1).min()) - nearest
         trans_part = float(np.mean(last[:, 2] < -2.0 * rod[HALF_MEMBRANE_NM]))
+        deepest = float(deepest_nm(np.ascontiguousarray(positions_nm), rod))
     return EndNumbers(
         rate_rad_us=float(rates[0]),
         previous_rate_rad_us=float(rates[1]),
@@ -148,6 +165,7 @@ def end_numbers(
         nearest_nm=nearest,
         approach_nm=approach,
         trans_part=trans_part,
+        deepest_nm=deepest,
         deformation_nm_us=deformation_nm_us,
         settled=settled,
     )
@@ -173,6 +191,8 @@ def classify_end(
         return RodEnd.STEP_LIMIT
     if rod[PORE_RADIUS_NM] == 0.0:
         return RodEnd.TIME_REACHED
+    if rod[WALL] >= SIGNED_DISTANCE and numbers.deepest_nm > rod[ROD_RADIUS_NM]:
+        return RodEnd.IN_MEMBRANE
     if (
         numbers.lowest_nm > rod[ROD_RADIUS_NM] + HOVER_NM
         or numbers.nearest_nm > AWAY_RADII * rod[PORE_RADIUS_NM]

@@ -77,7 +77,8 @@ def rows(ends):
     for run, end in zip(planned_runs(options), ends * 12, strict=False):
         row = dict.fromkeys(
             ("rate_tip_rev_s", "rate_last_tip_rev_s", "end_to_end_nm", "end_to_end_dyes_nm",
-             "end_to_end_dyes_xy_nm", "torque_pn_nm", "friction_pn_nm_s", "power_pn_nm_s"), 1.0,
+             "end_to_end_dyes_xy_nm", "torque_pn_nm", "friction_pn_nm_s",
+             "power_pn_nm_s", "deepest_nm"), 1.0,
         )  # fmt: skip
         result.append(
             {

@@ -55,6 +55,7 @@ class FakeRods:
             turned_rad=rate * time_us,
             end=ends[int(rng.integers(len(ends)))],
             n_steps=int(rng.integers(1000)),
+            numbers=SimpleNamespace(deepest_nm=float(rng.normal())),
         )
         seen = {name: rng.uniform(50, 450) for name in Observation.__annotations__}
         seen |= {"rate_rev_s": rate, "shape": "U", "handedness": -1}

@@ -4,6 +4,7 @@ import math
 import numpy as np
 import pytest
 
+from rotortrack.simulate.rod.contact import deepest_nm
 from rotortrack.simulate.rod.ends import EndNumbers, RodEnd, classify_end, end_numbers
 from rotortrack.simulate.rod.options import RodOptions
 from rotortrack.simulate.rod.parameters import rod_parameters
@@ -21,6 +22,7 @@ DOCKED = EndNumbers(
     nearest_nm=3.0,
     approach_nm=0.0,
     trans_part=0.0,
+    deepest_nm=-2.6,
     deformation_nm_us=math.nan,
     settled=False,
 )
@@ -36,6 +38,9 @@ DOCKED = EndNumbers(
         ({"rate_rad_us": 9 * RATE, "previous_rate_rad_us": -5 * RATE}, RodEnd.DOCKED_STILL),
         ({"trans_part": 0.51}, RodEnd.TRANSLOCATED),
         ({"trans_part": 0.5}, RodEnd.ROTATING_STEADILY),
+        ({"deepest_nm": 2.9}, RodEnd.ROTATING_STEADILY),
+        ({"deepest_nm": 3.1}, RodEnd.IN_MEMBRANE),
+        ({"deepest_nm": 3.1, "trans_part": 0.51}, RodEnd.TRANSLOCATED),
         ({"lowest_nm": 4.1}, RodEnd.NOT_DOCKED),
         ({"lowest_nm": 3.9}, RodEnd.ROTATING_STEADILY),
         ({"nearest_nm": 51.0}, RodEnd.NOT_DOCKED),
@@ -53,8 +58,23 @@ def test_end_by_steps_is_told_from_the_end_of_time():
     assert classify_end(through, ROD, time_is_over=False) is RodEnd.TRANSLOCATED
 
 
+def test_a_wall_without_an_inside_has_no_rod_in_it():
+    paper = rod_parameters(RodOptions(wall="z_only"), uniform_field())
+    inside = dataclasses.replace(DOCKED, deepest_nm=8.0)
+    assert classify_end(inside, paper) is RodEnd.ROTATING_STEADILY
+    assert classify_end(inside, ROD) is RodEnd.IN_MEMBRANE
+
+
+def test_depth_is_that_of_the_axis_between_vertices_too():
+    # The middle of the link cuts the rim's corner (25, 10), both vertices are in the water.
+    link = np.array([[[20.0, 0.0, 0.0], [40.0, 0.0, 14.0]], [[20.0, 0.0, 40.0], [40.0, 0.0, 40.0]]])
+    assert deepest_nm(link[:1], ROD) == pytest.approx(3.0)
+    assert deepest_nm(link[1:], ROD) == pytest.approx(-30.0)
+    assert deepest_nm(link, ROD) == pytest.approx(3.0)
+
+
 def test_every_end_has_a_sentence():
-    assert len({end.sentence for end in RodEnd}) == len(RodEnd) == 6
+    assert len({end.sentence for end in RodEnd}) == len(RodEnd) == 7
 
 
 def test_numbers_of_a_rod_that_turns():
