@@ -41,8 +41,9 @@ _MOST_STEPS: Final = 40
 _LONGEST_NM: Final = 3.0
 """Largest move of a vertex in one Newton step."""
 
-_CONVERGED_PN: Final = 1e-8
-_STILL_PER_US: Final = 1e-6
+CONVERGED_PN: Final = 1e-8
+CONVERGED_NM: Final = 1e-9
+STILL_PER_US: Final = 1e-6
 """Growth that is told from none."""
 
 
@@ -85,7 +86,7 @@ class RelativeEquilibrium:
     @property
     def is_stable(self) -> bool:
         """Whether all changes of the shape die out."""
-        return bool(self.rates_per_us.real.max() < _STILL_PER_US)
+        return bool(self.rates_per_us.real.max() < STILL_PER_US)
 
 
 def find_equilibrium(
@@ -123,16 +124,16 @@ def find_equilibrium(
     if omega_rad_us is None:
         omega_rad_us = _turning(x, balance.velocity_nm_us)
     state[-1] = omega_rad_us
-    around = _around(x).ravel()
+    around = around_axis(x).ravel()
     phase = around / np.linalg.norm(around)
     table = field.r_nm, field.z_nm, field.nodes
     residual, jacobian = np.empty(4 * n), np.empty((4 * n, 4 * n))
     steps = 0
     while True:
-        _residual(state, phase, x.ravel(), parameters, *table, residual)
+        steady_residual(state, phase, x.ravel(), parameters, *table, residual)
         left = float(np.abs(residual[: 3 * n]).max())
-        _jacobian(state, phase, x.ravel(), parameters, *table, jacobian)
-        if left < _CONVERGED_PN and np.abs(residual[3 * n :]).max() < 1e-9:
+        steady_jacobian(state, phase, x.ravel(), parameters, *table, jacobian)
+        if left < CONVERGED_PN and np.abs(residual[3 * n :]).max() < CONVERGED_NM:
             break
         if steps == _MOST_STEPS:
             raise RodError(
@@ -155,23 +156,23 @@ def find_equilibrium(
         omega_rad_us=float(state[-1]),
         residual_pn=left,
         iterations=steps,
-        rates_per_us=_rates(shape, parameters, jacobian),
+        rates_per_us=growth_rates(shape, parameters, jacobian),
         seconds=time.perf_counter() - begun,
     )
 
 
-def _rates(x: Array, parameters: Array, jacobian: Array) -> NDArray[np.complex128]:
+def growth_rates(x: Array, parameters: Array, jacobian: Array) -> NDArray[np.complex128]:
     """Growth rates of changes that keep the links' lengths, without that of turning the whole."""
     n = len(x)
     free = scipy.linalg.null_space(jacobian[3 * n : -1, : 3 * n])
     friction = scipy.linalg.block_diag(*_friction(x, parameters))
     stiffness = free.T @ jacobian[: 3 * n, : 3 * n] @ free
     values, vectors = scipy.linalg.eig(stiffness, free.T @ friction @ free)
-    turning = free.T @ _around(x).ravel()
+    turning = free.T @ around_axis(x).ravel()
     turning /= np.linalg.norm(turning)
     likeness = np.abs(turning @ vectors) / np.linalg.norm(vectors, axis=0)
     # Of the slow changes the one that is most like a turn of the whole is that turn.
-    slow = np.abs(values) <= max(np.sort(np.abs(values))[2], _STILL_PER_US)
+    slow = np.abs(values) <= max(np.sort(np.abs(values))[2], STILL_PER_US)
     others = np.delete(values, int(np.argmax(np.where(slow, likeness, -1.0))))
     return np.asarray(others[np.argsort(-others.real)], np.complex128)
 
@@ -186,13 +187,13 @@ def _friction(x: Array, parameters: Array) -> Array:
     return result
 
 
-def _around(x: Array) -> Array:
+def around_axis(x: Array) -> Array:
     """e_z x x, the velocity of a turn at 1 rad per time."""
     return np.stack((-x[:, 1], x[:, 0], np.zeros(len(x))), axis=1)
 
 
 def _turning(x: Array, velocity: Array) -> float:
-    around = _around(x)
+    around = around_axis(x)
     return float(np.sum(around * velocity) / np.sum(around**2))
 
 
@@ -204,7 +205,7 @@ def _tensions(x: Array, force: Array) -> Array:
 
 
 @kernel
-def _residual(
+def steady_residual(
     state: Array,
     phase: Array,
     origin: Array,
@@ -246,7 +247,7 @@ def _residual(
 
 
 @kernel
-def _jacobian(
+def steady_jacobian(
     state: Array,
     phase: Array,
     origin: Array,
@@ -256,16 +257,16 @@ def _jacobian(
     nodes: Array,
     jacobian: Array,
 ) -> None:
-    """Write the derivatives of `_residual`, (4 n, 4 n), by central differences."""
+    """Write the derivatives of `steady_residual`, (4 n, 4 n), by central differences."""
     size = state.size
     there = state.copy()
     above = np.empty(size)
     below = np.empty(size)
     for k in range(size):
         there[k] = state[k] + _DIFFERENCE_NM
-        _residual(there, phase, origin, rod, r_nm, z_nm, nodes, above)
+        steady_residual(there, phase, origin, rod, r_nm, z_nm, nodes, above)
         there[k] = state[k] - _DIFFERENCE_NM
-        _residual(there, phase, origin, rod, r_nm, z_nm, nodes, below)
+        steady_residual(there, phase, origin, rod, r_nm, z_nm, nodes, below)
         there[k] = state[k]
         for row in range(size):
             jacobian[row, k] = (above[row] - below[row]) / (2.0 * _DIFFERENCE_NM)
