@@ -57,6 +57,9 @@ than the step."""
 _FLAT: Final = 1e-6
 """Slope of the ratio that is called none."""
 
+_SAME: Final = 1e-5
+"""Force, pN, that a state may be off when a branch starts from it."""
+
 
 class BranchEnd(Enum):
     """Why a branch was followed no further."""
@@ -143,7 +146,8 @@ def follow_branch(
     Raises
     ------
     RodError
-        The ratio of `start` is not between the limits, or the rod has no flow to change.
+        The ratio of `start` is not between the limits, `start` is no state of this rod, or the rod
+        has no flow to change.
     """
     if rod.lambda_eff == 0.0:
         raise RodError("without charge no ratio changes the flow: give a lambda_eff above 0")
@@ -156,6 +160,12 @@ def follow_branch(
     at = np.concatenate(
         (start.positions_nm.ravel(), start.tensions_pn, [start.omega_rad_us, rod.flow_ratio])
     )
+    off = float(np.abs(curve.residual(at, at)).max())
+    if not off < _SAME:
+        raise RodError(
+            f"the start is no steadily rotating shape of this rod and field ({off:.2g} pN are "
+            "left): find it with the same options"
+        )
     jacobian = curve.jacobian(at, at)
     first = np.eye(at.size)[-1] * (1.0 if upwards else -1.0)
     points = [_Point(at, curve.slope(jacobian, first), curve.rates(at, jacobian), 0.0)]
@@ -233,8 +243,8 @@ class _Curve:
         steady_jacobian(at[:-1].copy(), *arguments, square)
         result[:, :-1] = square
         # The force is linear in the ratio.
-        result[:, -1] = self._residual(at + np.eye(at.size)[-1], origin)
-        result[:, -1] -= self._residual(at, origin)
+        result[:, -1] = self.residual(at + np.eye(at.size)[-1], origin)
+        result[:, -1] -= self.residual(at, origin)
         return result
 
     def go(self, last: _Point, step: float) -> tuple[_Point | None, int]:
@@ -243,20 +253,23 @@ class _Curve:
         at = start + step * slope
         across = self._weights * slope
         for corrections in range(_MOST_CORRECTIONS + 1):
-            residual = self._residual(at, start)
+            residual = self.residual(at, start)
             if not np.isfinite(residual).all():
                 break
             jacobian = self.jacobian(at, start)
             forces, lengths = residual[: 3 * self._n], residual[3 * self._n :]
             if np.abs(forces).max() < CONVERGED_PN and np.abs(lengths).max() < CONVERGED_NM:
-                onward = self.slope(jacobian, slope)
+                try:
+                    onward = self.slope(jacobian, slope)
+                except np.linalg.LinAlgError:
+                    break
                 if step > _KINK_NM and onward @ across < _STRAIGHT:
                     break
                 arc = last.arc + self.distance(start, at)
                 return _Point(at, onward, self.rates(at, jacobian), arc), corrections
             left = np.append(residual, across @ (at - start) - step)
             try:
-                move = np.linalg.solve(np.vstack((jacobian, across)), -left)
+                move: Array = np.linalg.solve(np.vstack((jacobian, across)), -left)
             except np.linalg.LinAlgError:
                 break
             if not np.isfinite(move).all() or self.distance(move, 0.0) > 2.0 * step:
@@ -310,7 +323,8 @@ class _Curve:
         x = at[: 3 * self._n].reshape(-1, 3)
         return growth_rates(x, self._parameters, jacobian[:, :-1])
 
-    def _residual(self, at: Array, origin: Array) -> Array:
+    def residual(self, at: Array, origin: Array) -> Array:
+        """Give forces, errors of length and turn against an origin, (4 n,)."""
         result = np.empty(4 * self._n)
         self._parameters[FLOW] = at[-1] * self._charge
         steady_residual(

@@ -129,6 +129,11 @@ def test_limits_that_leave_out_the_start_are_refused(state):
         follow_branch(ROD, FIELD, state, (131.0, 140.0))
 
 
+def test_a_state_of_another_rod_is_refused(state):
+    with pytest.raises(RodError, match="no steadily rotating shape of this rod"):
+        follow_branch(at(131.0), FIELD, state, WIDE)
+
+
 def test_a_rod_without_charge_has_no_ratio(state):
     with pytest.raises(RodError, match="lambda_eff above 0"):
         follow_branch(dataclasses.replace(ROD, lambda_eff=0.0), FIELD, state, WIDE)
