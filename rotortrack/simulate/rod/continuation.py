@@ -269,7 +269,7 @@ class _Curve:
                 return _Point(at, onward, self.rates(at, jacobian), arc), corrections
             left = np.append(residual, across @ (at - start) - step)
             try:
-                move: Array = np.linalg.solve(np.vstack((jacobian, across)), -left)
+                move = np.asarray(np.linalg.solve(np.vstack((jacobian, across)), -left), np.float64)
             except np.linalg.LinAlgError:
                 break
             if not np.isfinite(move).all() or self.distance(move, 0.0) > 2.0 * step:
