@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.metadata
-import json
 import os
 import platform
 import time
@@ -254,19 +253,3 @@ def following(earlier: Mapping[str, object], now: Mapping[str, object]) -> dict[
     history = earlier.get("history")
     steps = [*(history if isinstance(history, list) else []), *([before] if before else [])]
     return {**of_the_movie, **now, "history": steps}
-
-
-def to_toml(values: dict[str, dict[str, Any]]) -> str:
-    """Write sections of plain values as TOML."""
-    lines = []
-    for section, content in values.items():
-        lines.append(f"[{section}]")
-        lines.extend(f"{key} = {_toml_value(value)}" for key, value in content.items())
-        lines.append("")
-    return "\n".join(lines)
-
-
-def _toml_value(value: Any) -> str:
-    """Write a string, number, boolean or list; JSON's spelling is TOML's but for odd characters."""
-    text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return text.encode("utf-8", "replace").decode("utf-8")

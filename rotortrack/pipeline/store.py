@@ -28,8 +28,9 @@ from rotortrack.pipeline.guard import refuse_other_results
 from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
 from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
-from rotortrack.pipeline.provenance import Record, to_toml
+from rotortrack.pipeline.provenance import Record
 from rotortrack.tables import DRIFT, empty
+from rotortrack.toml import to_toml
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,6 +9,8 @@ section     what it brings
 [stepping]  how time is stepped and for how long; the defaults without it
 [thermal]   thermal noise
 [scan]      the grid of runs
+[film]      size and length of a film; beside it stand the sections of film/scene.py
+[[rotors]]  a group of rotors in the film; as many as wanted
 ==========  ======================================================================================
 """
 
@@ -22,6 +24,8 @@ from typing import Any, TypeVar
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.settings import Layer, Options, Settings, parse_toml, read_content, resolve
 from rotortrack.simulate.field.options import FieldOptions
+from rotortrack.simulate.film.options import RotorsOptions
+from rotortrack.simulate.film.scene import FILM_SECTIONS, FilmScene
 from rotortrack.simulate.options import ScanOptions
 from rotortrack.simulate.rod.options import (
     PRESETS,
@@ -38,8 +42,11 @@ SCENE_SECTIONS: dict[str, type[Options]] = {
     "stepping": SteppingOptions,
     "thermal": ThermalOptions,
     "scan": ScanOptions,
+    **FILM_SECTIONS,
 }
-"""Option class of each section."""
+"""Option class of each section but [[rotors]]."""
+
+_ROTORS = "rotors"
 
 _NUMERICS = ("start", "stepping")
 _Value = TypeVar("_Value")
@@ -53,6 +60,8 @@ class Scene:
     ----------
     field, rod, start, stepping, thermal, scan
         Options of each section.
+    film
+        What is filmed; None without a section [film].
     settings
         The same with the origin of each value, for the record.
     origin
@@ -65,6 +74,7 @@ class Scene:
     stepping: SteppingOptions
     thermal: ThermalOptions | None
     scan: ScanOptions | None
+    film: FilmScene | None
     settings: Settings
     origin: str
 
@@ -82,9 +92,14 @@ class Scene:
                 *(f"{self.origin} has no [{name}] section: add one" for name in absent)
             )
 
-    def as_dict(self) -> dict[str, dict[str, Any]]:
+    def as_dict(self) -> dict[str, Any]:
         """All values of the sections that act, ready for TOML or JSON."""
-        return self.settings.as_dict()
+        values: dict[str, Any] = self.settings.as_dict()
+        if self.film is not None and self.film.rotors:
+            values[_ROTORS] = [
+                values.pop(_group_name(number)) for number in range(len(self.film.rotors))
+            ]
+        return values
 
 
 def read_scene(path: Path, layers: Sequence[Layer] = (), preset: str | None = None) -> Scene:
@@ -111,7 +126,7 @@ def read_scene(path: Path, layers: Sequence[Layer] = (), preset: str | None = No
         content = read_content(path)
     except ConfigurationError as error:
         raise InputError(str(error)) from error
-    given = Layer(f"scene {path}", parse_toml(content, path))
+    given = Layer(f"scene {path}", parse_toml(content, path, arrays=(_ROTORS,)))
     return make_scene([given, *layers], origin=str(path), preset=preset)
 
 
@@ -125,10 +140,12 @@ def make_scene(
     ConfigurationError
         All mistakes, listed at once.
     """
+    layers, groups = _split_groups(layers)
     named = {section for layer in layers for section in layer.values}
+    known = {**SCENE_SECTIONS, **dict.fromkeys(groups, RotorsOptions)}
     classes = {
         name: options_class
-        for name, options_class in SCENE_SECTIONS.items()
+        for name, options_class in known.items()
         if name in named or name in _NUMERICS
     }
     if preset is not None:
@@ -137,19 +154,64 @@ def make_scene(
     sections: dict[str, Any] = {}
     origins: dict[str, str] = {}
     # Each by itself: what contradicts itself in one section is told beside the others' mistakes.
-    for name in (*(named - SCENE_SECTIONS.keys()), *classes):
+    for name in (*(named - known.keys()), *classes):
         own = [Layer(layer.origin, _only(layer.values, name)) for layer in layers]
         try:
-            settings = resolve(_only(classes, name) or SCENE_SECTIONS, own)
+            settings = resolve(_only(classes, name) or {**SCENE_SECTIONS, _ROTORS: Options}, own)
         except ConfigurationError as error:
             mistakes += error.mistakes
         else:
             sections |= settings.sections
             origins |= settings.origins
+    film, of_the_film = _film(named, sections, groups)
+    mistakes += of_the_film
     if mistakes:
         raise ConfigurationError(*mistakes)
-    parts: dict[str, Any] = {name: sections.get(name) for name in SCENE_SECTIONS}
-    return Scene(**parts, settings=Settings(sections, origins), origin=origin)
+    parts: dict[str, Any] = {
+        name: sections.get(name) for name in SCENE_SECTIONS if name not in FILM_SECTIONS
+    }
+    return Scene(**parts, film=film, settings=Settings(sections, origins), origin=origin)
+
+
+def _film(
+    named: set[str], sections: Mapping[str, Any], groups: Sequence[str]
+) -> tuple[FilmScene | None, list[str]]:
+    """Put what is filmed together, and list what contradicts itself in it."""
+    if "film" not in named:
+        loose = [name for name in FILM_SECTIONS if name in named]
+        loose += [f"[{_ROTORS}]"] * bool(groups)
+        return None, [f"[{name}] is of no use without [film]: add it" for name in loose]
+    if "film" not in sections:
+        return None, []
+    effects: dict[str, Any] = {name: sections.get(name) for name in FILM_SECTIONS}
+    # A group with mistakes has told them: what stands in for it keeps the others' numbers.
+    rotors = tuple(sections.get(name, RotorsOptions()) for name in groups)
+    film = FilmScene(**effects, rotors=rotors)
+    return film, list(film.mistakes(has_rod="rod" in named, has_field="field" in named))
+
+
+def _group_name(number: int) -> str:
+    return f"{_ROTORS} {number + 1}"
+
+
+def _split_groups(layers: Sequence[Layer]) -> tuple[list[Layer], list[str]]:
+    """Make sections of the tables [[rotors]]; a layer with one table changes all of them."""
+    count = max((len(_tables(layer)) for layer in layers), default=0)
+    names = [_group_name(number) for number in range(count)]
+    split = []
+    for layer in layers:
+        tables = _tables(layer)
+        values = {name: content for name, content in layer.values.items() if name != _ROTORS}
+        if isinstance(layer.values.get(_ROTORS), Mapping):
+            tables = tables * count
+        values |= dict(zip(names, tables, strict=False))
+        split.append(Layer(layer.origin, values))
+    return split, names
+
+
+def _tables(layer: Layer) -> list[Any]:
+    given: Any = layer.values.get(_ROTORS, [])
+    return [given] if isinstance(given, Mapping) else list(given)
 
 
 def _only(values: Mapping[str, _Value], name: str) -> dict[str, _Value]:

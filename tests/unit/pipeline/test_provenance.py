@@ -12,8 +12,9 @@ import pytest
 
 from rotortrack.errors import DriftWarning, RotortrackWarning
 from rotortrack.pipeline.presets import SECTIONS
-from rotortrack.pipeline.provenance import Noted, Record, to_toml, versions
+from rotortrack.pipeline.provenance import Noted, Record, versions
 from rotortrack.settings import Layer, resolve
+from rotortrack.toml import to_toml
 
 GIVEN = {"movie": {"pixel_size_nm": 108.3, "region": [1, 2, 30, 40]}, "motion": {"min_steps": 9}}
 

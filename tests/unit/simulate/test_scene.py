@@ -8,6 +8,7 @@ import pytest
 
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.settings import Layer
+from rotortrack.simulate.film.scene import FILM_SECTIONS
 from rotortrack.simulate.options import ScanOptions
 from rotortrack.simulate.rod.options import StartOptions, SteppingOptions
 from rotortrack.simulate.scene import SCENE_SECTIONS, make_scene, read_scene
@@ -28,7 +29,7 @@ def test_effects_that_an_empty_scene_does_not_name_are_off(tmp_path):
     assert scene.stepping == SteppingOptions()
 
 
-@pytest.mark.parametrize("section", list(SCENE_SECTIONS))
+@pytest.mark.parametrize("section", [name for name in SCENE_SECTIONS if name not in FILM_SECTIONS])
 def test_a_named_section_holds_its_defaults_and_brings_no_other(tmp_path, section):
     scene = scene_of(tmp_path, f"[{section}]\n")
     assert getattr(scene, section) == SCENE_SECTIONS[section]()
