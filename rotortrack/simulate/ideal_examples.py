@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rotortrack.errors import ConfigurationError
+from rotortrack.simulate.film.places import scatter
 from rotortrack.simulate.ideal import IdealRotor, IdealScene
 
 ExampleKind = Literal[
@@ -28,8 +27,6 @@ SPEED_RAD_S = (8.0, 60.0)
 DIFFUSION_RAD2_S = (0.5, 20.0)
 RADIUS_NM = (60.0, 180.0)
 PHOTONS = (500.0, 1500.0)
-
-_TRIES = 2000
 
 
 def example_scene(
@@ -72,7 +69,7 @@ def example_scene(
     ConfigurationError
         The frame is smaller than one spot.
     """
-    centres = _scatter(len(kinds), shape_px, pixel_size_nm, 6.0 * sigma_px, separation_nm, rng)
+    centres = scatter(len(kinds), shape_px, pixel_size_nm, 6.0 * sigma_px, separation_nm, rng)
     rotors = tuple(
         _example_rotor(kind, x_nm, y_nm, photons, n_frames * frame_interval_s, rng)
         for kind, (x_nm, y_nm) in zip(kinds, centres.tolist(), strict=True)
@@ -87,33 +84,6 @@ def example_scene(
         background_photons=background_photons,
         rotors=rotors,
     )
-
-
-def _scatter(
-    count: int,
-    shape_px: tuple[int, int],
-    pixel_size_nm: float,
-    margin_px: float,
-    separation_nm: float,
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
-    """Place points one by one at random, starting over closer together when they do not fit."""
-    height, width = shape_px
-    if min(shape_px) <= 2.0 * margin_px:
-        raise ConfigurationError(
-            f"shape_px of {height} x {width} leaves no room for a spot: give each side more than "
-            f"{2.0 * margin_px:.0f} pixels"
-        )
-    low = np.array([margin_px, margin_px]) * pixel_size_nm
-    high = np.array([width - margin_px, height - margin_px]) * pixel_size_nm
-    while True:
-        placed = np.empty((0, 2))
-        for candidate in rng.uniform(low, high, (_TRIES, 2)):
-            if np.all(np.hypot(*(placed - candidate).T) >= separation_nm):
-                placed = np.vstack([placed, candidate])
-            if len(placed) >= count:
-                return placed[:count]
-        separation_nm *= 0.95
 
 
 def _example_rotor(

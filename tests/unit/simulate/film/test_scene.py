@@ -57,8 +57,10 @@ def test_one_table_of_rotors_beside_the_file_changes_all_groups():
 
 def test_every_mistake_is_told_at_once():
     told = mistakes_of(
-        "[film]\nexposure_s = 0.003\nheight_px = 64\nwidth_px = 65\n[[rotors]]\nphotons = -3\n[[rotors]]\n"
-        'motion = "stuck"\narc_deg = 20\nx_nm = [1e6]\ny_nm = [3]\nends = 2\n[bleching]\n[hot_pixels]\n'
+        "[film]\nexposure_s = 0.003\nheight_px = 64\nwidth_px = 65\n"
+        "[[rotors]]\nphotons = -3\n[[rotors]]\n"
+        'motion = "stuck"\narc_deg = 20\nx_nm = [1e6]\ny_nm = [3]\nends = 2\n'
+        "[bleching]\n[hot_pixels]\n"
         "[voltage]\ntimes_s = [0, 5, 4]\nvoltages_mv = [1, 2]\n[rolling_shutter]\nline_time_s = 1\n"
         "[dropped]\nframes = [2000]\n[fiducials]\n[dyes]\ncounts = [1]\n"
     )
