@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rotortrack.errors import MovieError
 from rotortrack.files import atomic_path
 from rotortrack.movies.movie import NUMBER_TYPES
+from rotortrack.movies.write_ome import ome_description
 
 _CLASSIC_BYTES = 2**32 - 2**24
 _DIRECTORY_BYTES = 512
@@ -28,13 +29,17 @@ def write_movie(
     shape: tuple[int, int, int] | None = None,
     pixel_size_nm: float | None = None,
     frame_interval_s: float | None = None,
+    exposure_s: float | None = None,
+    times_s: NDArray[np.float64] | None = None,
     compression: Literal["zlib"] | None = None,
 ) -> None:
     """Write a movie atomically, holding one frame at a time.
 
-    One page a frame. The first page's description carries pixel size and frame interval in
-    ImageJ's words but no number of images, so that ImageJ reads the pages one by one: above 4 GB
-    and for compressed pages it would otherwise look for them in the wrong places.
+    One page a frame. A name that ends in .ome.tif or .ome.tiff makes an OME-TIFF, which tells
+    exposure and times, too, and needs `shape`. Else the first page's description carries pixel size
+    and frame interval in ImageJ's words but no number of images, so that ImageJ reads the pages one
+    by one: above 4 GB and for compressed pages it would otherwise look for them in the wrong
+    places.
 
     Parameters
     ----------
@@ -45,8 +50,10 @@ def write_movie(
     shape
         Frames, rows, columns. Needed to know that the file stays below 4 GB; without it, and for
         larger files, BigTIFF is written, which older versions of ImageJ open through Bio-Formats.
-    pixel_size_nm, frame_interval_s
-        Written when given.
+    pixel_size_nm, frame_interval_s, exposure_s
+        Written when given; the exposure in an OME-TIFF alone.
+    times_s
+        When each frame was received, shape (frames,); for an OME-TIFF.
     compression
         ``zlib`` (lossless) or None.
 
@@ -71,7 +78,18 @@ def write_movie(
     page_bytes = first.nbytes + _DIRECTORY_BYTES
     big = shape is None or shape[0] * page_bytes > _CLASSIC_BYTES
     per_micron = None if pixel_size_nm is None else (1e3 / pixel_size_nm,) * 2
-    description = _description(shape, pixel_size_nm, frame_interval_s)
+    if is_ome(path) and shape is not None:
+        description = ome_description(
+            path.name,
+            shape,
+            first.dtype,
+            pixel_size_nm=pixel_size_nm,
+            frame_interval_s=frame_interval_s,
+            exposure_s=exposure_s,
+            times_s=times_s,
+        )
+    else:
+        description = _description(shape, pixel_size_nm, frame_interval_s)
     count = 0
     with (
         atomic_path(path) as temporary,
@@ -101,6 +119,11 @@ def write_movie(
                 f"{path} is not written: shape {tuple(shape)} was announced, but the frames "
                 f"make {(count, *first.shape)}"
             )
+
+
+def is_ome(path: Path) -> bool:
+    """Tell whether a name asks for an OME-TIFF."""
+    return path.name.lower().endswith((".ome.tif", ".ome.tiff"))
 
 
 @contextlib.contextmanager

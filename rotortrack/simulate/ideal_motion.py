@@ -1,8 +1,8 @@
 """The angle of an ideal rotor during every exposure, in exact steps.
 
 A frame's exposure is cut into equal parts, as many as keep the rms turn within a part below
-`PART_TURN_RAD`. Each part is given the *mean* angle over it, which is drawn jointly with the end
-of the part, exactly: so the angle averaged over an exposure has its exact law whatever the number
+`exposure.PART_TURN_RAD`. Each part is given the *mean* angle over it, which is drawn jointly with
+the end of the part, exactly: so the angle averaged over an exposure has its exact law whatever the number
 of parts (variance of increments 2 D dt (1 - 2 Rb)), and a slow rotor needs one part alone. What
 the number of parts limits is the radius of the averaged position, within 0.1 % of R.
 """
@@ -15,40 +15,23 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.errors import ConfigurationError
+from rotortrack.simulate.film.exposure import PARTS_OF_A_FLIP, parts_of
 from rotortrack.simulate.ideal import IdealRotor
-
-PART_TURN_RAD = 0.1
-"""Rms turn allowed within a part: mean and end of a part then differ by < 1e-3 of the radius."""
-
-PARTS_OF_A_FLIP = 8
-"""Parts of an exposure within which a two-position rotor may flip."""
-
-MOST_PARTS = 1000
-"""Beyond it the ring has long collapsed to a point and the angle aliases."""
 
 
 def exposure_parts(rotor: IdealRotor, exposure_s: float) -> int:
     """Return into how many parts an exposure is cut: the least n with w^2 h^2 + 2 D h <= tol^2.
 
     Here h = exposure / n, w is the angular speed, D the diffusion coefficient and tol is
-    `PART_TURN_RAD`. A stuck rotor needs one; a two-position rotor `PARTS_OF_A_FLIP` at least.
+    `exposure.PART_TURN_RAD`. A stuck rotor needs one; a two-position one `PARTS_OF_A_FLIP`.
 
     Raises
     ------
     ConfigurationError
         The rotor turns so much within an exposure that more than `MOST_PARTS` were needed.
     """
-    turn = rotor.omega_rad_s * exposure_s
-    spread = rotor.diffusion_rad2_s * exposure_s
-    tolerance = PART_TURN_RAD**2
-    parts = math.ceil((spread + math.sqrt(spread**2 + tolerance * turn**2)) / tolerance)
-    if parts > MOST_PARTS:
-        raise ConfigurationError(
-            f"a rotor that turns {turn:.3g} rad and diffuses {2.0 * spread:.3g} rad^2 within an "
-            "exposure is a blur: lower omega_rad_s, diffusion_rad2_s or exposure_s"
-        )
-    return max(parts, PARTS_OF_A_FLIP if rotor.kind == "two_position" else 1)
+    parts = parts_of(rotor.omega_rad_s * exposure_s, rotor.diffusion_rad2_s * exposure_s)
+    return max(parts, PARTS_OF_A_FLIP) if rotor.kind == "two_position" else parts
 
 
 def exposure_angles(

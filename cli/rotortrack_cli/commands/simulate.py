@@ -268,6 +268,43 @@ def scan(
     )
 
 
+@command.command("film", cls=StageCommand)
+@_scene_flags
+@output_option("MOVIE.tif", "Where the movie is written; the truth lies beside it.")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Threads to use. The movie does not depend on it. [default: all processors]",
+)
+@output_flags
+@click.pass_obj
+def film(console: Console, scene: Scene, output: Path, workers: int | None) -> None:
+    """Film the [[rotors]] of a scene as a camera would, and write the truth beside the movie."""
+    scene.require("film")
+    if output.suffix.lower() not in (".tif", ".tiff"):
+        raise UsageError(f"{output} does not end in .tif or .ome.tif: name the movie so with -o")
+    from rotortrack.simulate.film.filming import film_scene
+
+    with Stages(console) as stages:
+        made = film_scene(scene, output, workers=workers, progress=stages)
+    console.text(
+        f"{made.frames} frames of {made.rotors} rotors in {output}, the truth in {made.truth}: "
+        f"{made.frames / made.seconds:.0f} frames/s"
+    )
+    console.text("in the scene: " + ", ".join(made.effects))
+    console.text(f"try `rotortrack run {output} -c {made.truth / 'config.toml'} -o RUN`")
+    console.json(
+        {
+            "frames": made.frames,
+            "rotors": made.rotors,
+            "effects": list(made.effects),
+            "movie": made.movie,
+            "truth": made.truth,
+            "seconds": made.seconds,
+        }
+    )
+
+
 @command.command("sample", cls=StageCommand)
 @output_option("FOLDER", "Where movie.tif, config.toml and truth/ are written.")
 @output_flags

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.simulate.film.angles import AngleWalk, Breathing, Drive
+from rotortrack.simulate.film.angles import AngleWalk
 from rotortrack.simulate.film.clock import Clock
 from rotortrack.simulate.film.dyes import Dyes
+from rotortrack.simulate.film.legs import Drive
 from rotortrack.simulate.film.rotor import End, Rotor
+from rotortrack.simulate.film.wander import Breathing
 
 if TYPE_CHECKING:
     from rotortrack.simulate.film.scene import FilmScene
@@ -64,7 +66,9 @@ class RotorActor:
         self._clock = clock
         self._delays_s = tuple(row * clock.line_time_s for row in rows)
         self._walk = AngleWalk(rotor, clock, seed, drive, self._delays_s)
-        self._breathing = Breathing(rotor, clock, seed) if rotor.breathing_sd_nm else None
+        self._breathing = (
+            Breathing(rotor, clock.frame_interval_s, seed) if rotor.breathing_sd_nm else None
+        )
         self._dyes = [
             Dyes(
                 rotor.number,
@@ -72,18 +76,19 @@ class RotorActor:
                 end.photons,
                 clock,
                 seed,
-                scene.dyes,
-                scene.bleaching,
-                scene.blinking,
-                rotor.arrive_s,
+                dyes=scene.dyes,
+                bleaching=scene.bleaching,
+                blinking=scene.blinking,
+                lit_from_s=rotor.arrive_s,
+                delay_s=self._delays_s[number],
             )
             for number, end in enumerate(rotor.ends)
         ]
 
     @property
-    def realised_rad(self) -> float:
-        """Angle through which the rotor has turned so far."""
-        return self._walk.realised_rad()
+    def realised_rad_s(self) -> float:
+        """Mean speed so far, which chance made of the rotor's own."""
+        return self._walk.realised_rad_s()
 
     def advance(self, first: int, n: int) -> Iterator[Light]:
         """Give the light of each end in the frames from `first` on."""

@@ -13,9 +13,9 @@ from rotortrack.simulate.film.optics import Optics
 from rotortrack.simulate.film.scene import FilmScene
 
 if TYPE_CHECKING:
-    from rotortrack.simulate.film.angles import Drive
     from rotortrack.simulate.film.free_rods import FreeRods
     from rotortrack.simulate.film.illumination import Flicker
+    from rotortrack.simulate.film.legs import Drive
     from rotortrack.simulate.film.sensor import Sensor
     from rotortrack.simulate.film.split import Split
     from rotortrack.simulate.film.stage import Stage
@@ -74,7 +74,7 @@ def equip(scene: FilmScene, clock: Clock) -> Equipment:
         split = Split(scene.split, (film.height_px, film.width_px), pixel_nm)
         optics.append(Optics(scene.psf, pixel_nm, scene.split.sigma_ratio))
     if scene.voltage is not None:
-        from rotortrack.simulate.film.angles import Drive
+        from rotortrack.simulate.film.legs import Drive
 
         drive = Drive.from_options(scene.voltage)
     if scene.drift is not None or scene.vibration is not None:

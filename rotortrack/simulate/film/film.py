@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 
 BLOCK_FRAMES = 64
 _BLOCK_BYTES = 64_000_000
+_PARTS_OF_A_SWING = 12
 
 
 @dataclass(frozen=True)
@@ -136,9 +137,9 @@ class Film:
         n_frames = film.n_frames if self._equipment.recorded is None else int(self.recorded.sum())
         return n_frames, film.height_px, film.width_px
 
-    def realised_rad(self) -> list[float]:
-        """Angle through which each rotor has turned so far."""
-        return [actor.realised_rad for actor in self._actors]
+    def realised_rad_s(self) -> list[float]:
+        """Mean speed of each rotor so far."""
+        return [actor.realised_rad_s for actor in self._actors]
 
     def blocks(
         self,
@@ -163,11 +164,7 @@ class Film:
             n = min(self._block, n_frames - first)
             lights = [light for actor in self._actors for light in actor.advance(first, n)]
             lights += self._passing(n)
-            stage_nm = (
-                None
-                if self._equipment.stage is None
-                else self._equipment.stage.offset_nm(slice(first, first + n))
-            )
+            stage_nm = None if self._equipment.stage is None else self._equipment.stage.advance(n)
             flicker = (
                 None if self._equipment.flicker is None else self._equipment.flicker.advance(n)
             )
@@ -181,7 +178,8 @@ class Film:
                 self.drift_nm.append(stage_nm)
             if see is not None:
                 see(first, seen)
-            keep = None if self._equipment.recorded is None else self.recorded[first : first + n]
+            recorded = self._equipment.recorded
+            keep = None if recorded is None else recorded[first : first + n]
             yield _Job(first, n, spots, flicker, keep)
 
     def _image(
@@ -196,10 +194,13 @@ class Film:
         x_nm, y_nm, photons = light.x_nm, light.y_nm, light.photons
         if stage_nm is not None:
             x_nm, y_nm = x_nm + stage_nm[:, :1], y_nm + stage_nm[:, 1:]
-        if self._equipment.stage is not None and self.scene.vibration is not None:
+        if self.scene.vibration is not None and self._equipment.stage is not None:
+            # What moves slowly has few parts, too few for the vibration.
+            finer = self._vibration_parts // x_nm.shape[1] + 1
+            x_nm, y_nm = np.repeat(x_nm, finer, axis=1), np.repeat(y_nm, finer, axis=1)
             moved = self._equipment.stage.vibration_nm(self._times_s(first, n, x_nm.shape[1]))
-            if moved is not None:
-                x_nm, y_nm = x_nm + moved[..., 0], y_nm + moved[..., 1]
+            assert moved is not None
+            x_nm, y_nm = x_nm + moved[0], y_nm + moved[1]
         if self.scene.laser is not None:
             photons = photons * self._laser_at(x_nm.mean(axis=1), y_nm.mean(axis=1))
         places = [(x_nm, y_nm)]
@@ -208,11 +209,19 @@ class Film:
         for channel, share in self._shares(light.channel):
             at_x, at_y = places[channel]
             origin_x, origin_y = self._origin_nm(channel)
-            spots[channel].append(Spots(at_x - origin_x, at_y - origin_y, share * photons, channel))
+            spots[channel].append(Spots(at_x - origin_x, at_y - origin_y, share * photons))
         own_x, own_y = places[light.channel]
-        means = (values.mean(axis=1) for values in (own_x, own_y, x_nm, y_nm))
-        theta = np.zeros(1) if light.theta_rad is None else light.theta_rad
-        return Seen(light.rotor, light.end, light.channel, *means, theta, photons)
+        return Seen(
+            rotor=light.rotor,
+            end=light.end,
+            channel=light.channel,
+            x_nm=own_x.mean(axis=1),
+            y_nm=own_y.mean(axis=1),
+            first_x_nm=x_nm.mean(axis=1),
+            first_y_nm=y_nm.mean(axis=1),
+            theta_rad=np.zeros(1) if light.theta_rad is None else light.theta_rad,
+            photons=photons,
+        )
 
     def _render(self, job: _Job) -> NDArray[Any]:
         """Make the frames of one block."""
@@ -234,6 +243,13 @@ class Film:
         else:
             frames = self._equipment.sensor.expose(images, job.first)
         return frames if job.keep is None else frames[job.keep]
+
+    @property
+    def _vibration_parts(self) -> int:
+        """Parts of an exposure that follow the vibration."""
+        assert self.scene.vibration is not None
+        swings = self.scene.vibration.frequency_hz * self.clock.exposure_s
+        return int(_PARTS_OF_A_SWING * swings)
 
     def _times_s(self, first: int, n: int, parts: int) -> Floats:
         """Middles of the parts of the exposures, shape (n, parts)."""
@@ -308,7 +324,7 @@ class Film:
 
 def _flickering(told: Seen, flicker: Floats | None, n: int) -> Seen:
     """Give every value of the truth for each frame, photons with the light's flicker."""
-    values = {
+    values: dict[str, Any] = {
         name: np.broadcast_to(value, n)
         for name, value in vars(told).items()
         if isinstance(value, np.ndarray)

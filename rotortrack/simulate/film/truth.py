@@ -64,17 +64,15 @@ def empty_spots() -> dict[str, NDArray[Any]]:
     return {column.name: np.empty(0, column.dtype) for column in SPOTS.columns}
 
 
-def rotor_table(rotors: Sequence[Rotor], turned_rad: Sequence[float], duration_s: float) -> Any:
+def rotor_table(rotors: Sequence[Rotor], realised_rad_s: Sequence[float]) -> pd.DataFrame:
     """Tell what each rotor was asked to do, and the mean speed that chance made of it.
 
     Parameters
     ----------
     rotors
         What was drawn.
-    turned_rad
-        Angle through which each one turned in the film.
-    duration_s
-        Of the film.
+    realised_rad_s
+        Mean speed of each in the film.
 
     Returns
     -------
@@ -82,7 +80,7 @@ def rotor_table(rotors: Sequence[Rotor], turned_rad: Sequence[float], duration_s
         One row a rotor. `end_to_end_nm` is the distance of its two ends, nan where it has one.
     """
     rows = []
-    for rotor, turned in zip(rotors, turned_rad, strict=True):
+    for rotor, realised in zip(rotors, realised_rad_s, strict=True):
         first, second = rotor.ends[0], rotor.ends[1] if len(rotor.ends) == 2 else None
         apart = second and math.sqrt(
             first.radius_nm**2
@@ -106,7 +104,7 @@ def rotor_table(rotors: Sequence[Rotor], turned_rad: Sequence[float], duration_s
                 "second_phase_rad": second and second.phase_rad,
                 "end_to_end_nm": apart,
                 "omega_rad_s": rotor.omega_rad_s,
-                "realised_omega_rad_s": turned / duration_s,
+                "realised_omega_rad_s": realised,
                 "diffusion_rad2_s": rotor.diffusion_rad2_s,
                 "start_rad": rotor.start_rad,
                 "switch_rate_per_s": rotor.switch_rate_per_s,
@@ -173,3 +171,11 @@ def _camera_values(film: Film, maps: Path | None) -> dict[str, Any]:
     camera: Camera = film.sensor.camera
     names = ("offset_adu", "gain_e_per_adu", "read_noise_e")
     return {name: float(getattr(camera, name)) for name in names}
+
+
+def camera_arrays(camera: Camera) -> dict[str, NDArray[Any]]:
+    """Give the maps of a camera by their names in a file."""
+    names = ("offset_adu", "gain_e_per_adu", "read_noise_e", "saturation_adu", "hot_pixels")
+    return {
+        name: np.asarray(value) for name in names if (value := getattr(camera, name)) is not None
+    }

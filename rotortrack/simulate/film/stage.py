@@ -1,0 +1,77 @@
+"""The stage moves: drift from frame to frame, vibration within the exposures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rotortrack.simulate.film.clock import Clock
+from rotortrack.simulate.film.options import DriftOptions, VibrationOptions
+from rotortrack.simulate.film.streams import Effect, stream
+
+Floats = NDArray[np.float64]
+
+
+class Stage:
+    """Where the stage is, given frame after frame.
+
+    Parameters
+    ----------
+    drift, vibration
+        What it does; None for what does not exist.
+    clock
+        When frames are exposed.
+    seed
+        Of the film.
+    """
+
+    def __init__(
+        self,
+        drift: DriftOptions | None,
+        vibration: VibrationOptions | None,
+        clock: Clock,
+        seed: int,
+    ) -> None:
+        self._drift = drift
+        self._vibration = vibration
+        self._clock = clock
+        self._frame = 0
+        if drift is not None and drift.walk_nm:
+            self._rng = stream(seed, Effect.DRIFT)
+        self._walked = np.zeros((1, 2))
+
+    def advance(self, n: int) -> Floats | None:
+        """Give the drift (x, y) in each of the next n frames, nm, shape (n, 2); None without one.
+
+        The walk and the even drift begin with 0 in frame 0.
+        """
+        first, drift, clock = self._frame, self._drift, self._clock
+        self._frame += n
+        if drift is None:
+            return None
+        frames = np.arange(first, first + n)
+        even = frames[:, np.newaxis] / max(clock.n_frames - 1, 1)
+        moved: Floats = even * np.array(drift.total_nm)
+        if any(drift.step_nm):
+            late = frames * clock.frame_interval_s >= drift.step_s
+            moved += late[:, np.newaxis] * np.array(drift.step_nm)
+        if drift.walk_nm:
+            steps = drift.walk_nm * self._rng.standard_normal((n, 2))
+            path = np.cumsum(np.concatenate([self._walked, steps]), axis=0)
+            self._walked = path[-1:]
+            moved += path[:-1]
+        return moved
+
+    def vibration_nm(self, times_s: Floats) -> tuple[Floats, Floats] | None:
+        """Give the vibration (x, y) at some times, nm, each of the shape of the times.
+
+        None without one. It is a sine that begins at time 0; y points down.
+        """
+        vibration = self._vibration
+        if vibration is None:
+            return None
+        swing = vibration.amplitude_nm * np.sin(2.0 * math.pi * vibration.frequency_hz * times_s)
+        direction = math.radians(vibration.direction_deg)
+        return swing * math.cos(direction), -swing * math.sin(direction)
