@@ -2,9 +2,9 @@
 
 A frame's exposure is cut into equal parts, as many as keep the rms turn within a part below
 `exposure.PART_TURN_RAD`. Each part is given the *mean* angle over it, which is drawn jointly with
-the end of the part, exactly: so the angle averaged over an exposure has its exact law whatever the number
-of parts (variance of increments 2 D dt (1 - 2 Rb)), and a slow rotor needs one part alone. What
-the number of parts limits is the radius of the averaged position, within 0.1 % of R.
+the end of the part, exactly: so the angle averaged over an exposure has its exact law whatever the
+number of parts (variance of increments 2 D dt (1 - 2 Rb)), and a slow rotor needs one part alone.
+What the number of parts limits is the radius of the averaged position, within 0.1 % of R.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ class Dyes:
         """Part of each exposure for which each dye is lit, shape (dyes, n)."""
         clock = self._clock
         frames = np.arange(self._frame, self._frame + n)
-        begin_s: Floats = frames * clock.frame_interval_s + self._delay_s
+        begin_s = frames.astype(np.float64) * clock.frame_interval_s + self._delay_s
         shares = np.ones((self._light.size, n))
         over_s = begin_s[-1] + clock.frame_interval_s
         for dye, blinks in enumerate(self._blinks):
