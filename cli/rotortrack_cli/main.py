@@ -33,7 +33,8 @@ _COMMANDS = {
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",
-    "simulate": "Field of a pore, rods in it, scans; movies of known rotors.",
+    "simulate": "Field of a pore, rods in it, scans; films of known rotors.",
+    "tradeoff": "What accuracy and effects cost in time on this machine.",
     "convert": "Localisations from one program's format to another's.",
     "doctor": "Whether this computer is fit for the work, and what to do.",
 }

@@ -134,7 +134,8 @@ class Film:
     def shape(self) -> tuple[int, int, int]:
         """Recorded frames, height and width."""
         film = self.scene.film
-        n_frames = film.n_frames if self._equipment.recorded is None else int(self.recorded.sum())
+        kept = self._equipment.recorded
+        n_frames = film.n_frames if kept is None else int(kept.sum())
         return n_frames, film.height_px, film.width_px
 
     def realised_rad_s(self) -> list[float]:

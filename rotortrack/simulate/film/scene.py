@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rotortrack.settings import Options
@@ -142,6 +142,23 @@ class FilmScene:
         """Sections that the scene has beside [film], in the order of the film's making."""
         named = [name for name in FILM_SECTIONS if name != "film" and getattr(self, name)]
         return (*(("rotors",) if self.rotors else ()), *named)
+
+    def without(self, name: str) -> FilmScene:
+        """Leave an effect out, and those that need it.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+        """
+        gone = {name, *(effect for effect, needed in _NEEDS.items() if name in needed)}
+        changes: dict[str, Any] = {effect: None for effect in gone if effect != "rotors"}
+        if "rotors" in gone:
+            changes["rotors"] = ()
+        if "split" in gone:
+            # Without it there is no second colour.
+            changes["rotors"] = tuple(replace(group, ends=1) for group in self.rotors)
+        return replace(self, **changes)
 
     def mistakes(self, *, has_rod: bool, has_field: bool) -> Iterator[str]:
         """Tell what contradicts itself, sentence by sentence.

@@ -1,0 +1,78 @@
+"""`rotortrack tradeoff`: what accuracy costs in time, measured on this machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rotortrack_cli.console import Console
+from rotortrack_cli.flags import FILE, output_flags
+from rotortrack_cli.stage_option import StageCommand
+from rotortrack_cli.stages import Stages
+
+_QUICK, _USUAL = (96, 3), (256, 7)
+
+
+@click.group("tradeoff")
+def command() -> None:
+    """Show what accuracy, and every effect of a simulation, costs in time on this machine."""
+
+
+@command.command("effects", cls=StageCommand)
+@click.argument("scene", metavar="[SCENE.toml]", type=FILE, required=False)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Where effects.json and effects.png are written.",
+)
+@click.option("--quick", is_flag=True, help="Shorter films and fewer of them.")
+@output_flags
+@click.pass_obj
+def effects(console: Console, scene: Path | None, output: Path | None, quick: bool) -> None:
+    """Tell what each effect of a filmed scene costs in time and memory, by leaving it out.
+
+    Without SCENE.toml a scene with every effect is taken.
+    """
+    from rotortrack.simulate.film.filming import shapes_for
+    from rotortrack.simulate.scene import read_scene
+    from rotortrack.tradeoff.effects import advice, effect_costs, everything
+
+    given = everything() if scene is None else read_scene(scene)
+    given.require("film")
+    assert given.film is not None
+    frames, repeats = _QUICK if quick else _USUAL
+    with Stages(console, "films") as stages:
+        costs = effect_costs(
+            given.film, shapes_for(given), frames=frames, repeats=repeats, progress=stages
+        )
+    console.table(
+        ("effect", "ms per frame", "+-", "share", "peak MB"),
+        [
+            [
+                cost.effect,
+                f"{cost.ms_per_frame:.3f}",
+                f"{cost.spread_ms:.3f}",
+                f"{cost.share:.0%}",
+                f"{cost.peak_mb:.1f}",
+            ]
+            for cost in costs
+        ],
+    )
+    console.text(advice(costs))
+    told: dict[str, Any] = {"effects": [dataclasses.asdict(cost) for cost in costs]}
+    told["frames"] = frames
+    if output is not None:
+        from rotortrack.files import write_text
+        from rotortrack.report.figures import canvas
+        from rotortrack.report.figures import effects as picture
+
+        output.mkdir(parents=True, exist_ok=True)
+        canvas.save_as(picture.figure(told["effects"]), output / "effects.png")
+        write_text(output / "effects.json", json.dumps(told, indent=1) + "\n")
+    console.json(told)

@@ -1,0 +1,1 @@
+"""What accuracy costs in time, and how far the analysis agrees with known truth."""
