@@ -15,6 +15,8 @@ from rotortrack.errors import UsageError
 from rotortrack.settings import Layer
 from rotortrack.simulate.rod.options import PRESETS
 from rotortrack.simulate.scene import Scene, read_scene
+from rotortrack_cli.commands.simulate_check import ANALYSES, FILMS
+from rotortrack_cli.commands.simulate_check import check as compare
 from rotortrack_cli.console import Console
 from rotortrack_cli.flags import FILE, output_flags, output_option, parse_assignments
 from rotortrack_cli.stage_option import StageCommand
@@ -302,6 +304,40 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
             "truth": made.truth,
             "seconds": made.seconds,
         }
+    )
+
+
+@command.command("check", cls=StageCommand)
+@_scene_flags
+@output_option("FOLDER", "Where films, truths, runs and the comparison are written.")
+@FILMS
+@ANALYSES
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Threads to use. The result does not depend on it. [default: all processors]",
+)
+@click.option("--no-figures", is_flag=True, help="Write numbers alone.")
+@output_flags
+@click.pass_obj
+def check(
+    console: Console,
+    scene: Scene,
+    output: Path,
+    films: int,
+    presets: tuple[str, ...],
+    workers: int | None,
+    no_figures: bool,
+) -> None:
+    """Film a scene, analyse the film, and compare with the truth: how good is the analysis here."""
+    compare(
+        console,
+        scene,
+        output,
+        films=films,
+        presets=presets,
+        workers=workers,
+        figures=not no_figures,
     )
 
 

@@ -27,11 +27,11 @@ def figure(costs: Sequence[Mapping[str, Any]]) -> Figure:
     """
     whole, *effects = costs
     height = 0.22 * max(len(effects), 3)
-    made = canvas.new_figure(8.0, height + 1.5)
+    made = canvas.new_figure(8.0, height + 1.25)
     canvas.heading(
         made,
-        f"{whole['ms_per_frame']:.2f} ms a frame on one processor, {whole['peak_mb']:.0f} MB: what each "
-        "effect adds",
+        f"{whole['ms_per_frame']:.2f} ms a frame on one processor, {whole['peak_mb']:.0f} MB: what "
+        "each effect adds",
         0.3,
     )
     times = canvas.place(made, 1.5, 0.65, 3.9, height)

@@ -167,7 +167,7 @@ def _camera_values(film: Film, maps: Path | None) -> dict[str, Any]:
     if film.sensor is None:
         return {"offset_adu": 0.0, "gain_e_per_adu": 1.0, "read_noise_e": 0.0}
     if maps is not None:
-        return {"camera_maps": str(maps)}
+        return {"camera_maps": maps.name}
     camera: Camera = film.sensor.camera
     names = ("offset_adu", "gain_e_per_adu", "read_noise_e")
     return {name: float(getattr(camera, name)) for name in names}
