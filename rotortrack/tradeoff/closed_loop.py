@@ -19,7 +19,7 @@ import pandas as pd
 from rotortrack.pipeline.presets import preset_layer
 from rotortrack.pipeline.run import run_movie
 from rotortrack.settings import Layer, read_toml
-from rotortrack.simulate.film.filming import film_scene
+from rotortrack.simulate.film.filming import film_scene, shapes_for
 from rotortrack.simulate.scene import Scene, make_scene
 from rotortrack.tradeoff.score import Score, read_truth, score
 from rotortrack.tradeoff.summary import AIMS, Measure, better, summarise
@@ -114,6 +114,7 @@ def check_scene(
     *,
     films: int = 1,
     presets: Sequence[str] = PRESETS,
+    keep_movies: bool = True,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> ClosedLoop:
@@ -129,6 +130,8 @@ def check_scene(
         How many.
     presets
         `default` and names of presets of the analysis.
+    keep_movies
+        Whether movies stay once they are analysed.
     workers
         Threads; the result does not depend on it.
     progress
@@ -141,11 +144,13 @@ def check_scene(
     """
     scores: dict[str, list[Score]] = {preset: [] for preset in presets}
     seconds = dict.fromkeys(presets, 0.0)
+    scene.require("film")
+    shapes = shapes_for(scene)
     for number in range(films):
         if progress is not None:
             progress(f"film {number + 1} of {films}", 0, 0)
         movie = folder / f"film-{number:02d}.tif"
-        filmed = film_scene(reseeded(scene, number), movie, workers=workers)
+        filmed = film_scene(reseeded(scene, number), movie, shapes=shapes, workers=workers)
         truth = read_truth(filmed.truth)
         for preset in presets:
             if progress is not None:
@@ -155,6 +160,8 @@ def check_scene(
             result = analyse(filmed, run, preset, workers=workers)
             seconds[preset] += time.perf_counter() - begun
             scores[preset].append(score(truth, result["localisations"], result["rotors"]))
+        if not keep_movies:
+            movie.unlink()
     analyses = tuple(
         Analysis(preset, tuple(own), summarise(own), seconds[preset])
         for preset, own in scores.items()
@@ -218,7 +225,7 @@ def confusion(analysis: Analysis, what: str) -> dict[str, dict[str, int]]:
 def _written(measure: Measure) -> str:
     if not math.isfinite(measure.value):
         return "not told"
-    return f"{measure.value:.4g} ({measure.low:.4g} to {measure.high:.4g}; {measure.n})"
+    return f"{measure.value:.4g} ({measure.low:.3g} to {measure.high:.3g})"
 
 
 def _plain(value: float) -> float | None:

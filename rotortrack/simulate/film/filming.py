@@ -58,6 +58,7 @@ def film_scene(
     scene: Scene,
     movie: Path,
     *,
+    shapes: Sequence[Sequence[Shape]] | None = None,
     workers: int | None = None,
     compress: bool = False,
     progress: Progress | None = None,
@@ -73,6 +74,8 @@ def film_scene(
         folder :func:`truth_folder`, with `rotors.csv`, `spots.parquet`, `scene.toml`, `config.toml`
         (for `rotortrack run -c`), and where the scene has them `drift.csv`, `camera.npz` and
         `daq.csv`.
+    shapes
+        What :func:`shapes_for` gave for this scene; absent, it is asked.
     workers
         Threads that render; the result does not depend on it. Absent, all processors.
     compress
@@ -94,7 +97,7 @@ def film_scene(
     begun = time.perf_counter()
     scene.require("film")
     assert scene.film is not None
-    film = Film(scene.film, shapes_for(scene))
+    film = Film(scene.film, shapes_for(scene) if shapes is None else shapes)
     folder = truth_folder(movie)
     folder.mkdir(parents=True, exist_ok=True)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
