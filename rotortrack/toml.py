@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 
-def to_toml(values: Mapping[str, Mapping[str, Any] | Sequence[Mapping[str, Any]]]) -> str:
+def to_toml(values: Mapping[str, Mapping[str, Any] | list[dict[str, Any]]]) -> str:
     """Write sections, and arrays of sections, of plain values as TOML."""
     lines = []
     for section, content in values.items():
-        array = not isinstance(content, Mapping)
-        for one in content if array else [content]:
-            lines.append(f"[[{section}]]" if array else f"[{section}]")
+        tables = content if isinstance(content, list) else [content]
+        for one in tables:
+            lines.append(f"[[{section}]]" if isinstance(content, list) else f"[{section}]")
             lines.extend(f"{key} = {_value(value)}" for key, value in one.items())
             lines.append("")
     return "\n".join(lines)

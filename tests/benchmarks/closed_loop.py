@@ -39,17 +39,18 @@ def main() -> None:
         group["count"] = count
     scene = make_scene([Layer("closed loop", values)])
     begun = time.perf_counter()
+
+    def tell(stage: str, done: int, _: int) -> None:
+        if not done:
+            print(f"{time.perf_counter() - begun:6.0f} s  {stage}", flush=True)
+
     with tempfile.TemporaryDirectory() as folder:
         loop = check_scene(
             scene,
             Path(folder),
             films=asked.films,
             keep_movies=False,
-            progress=lambda stage, done, total: (
-                print(f"{time.perf_counter() - begun:6.0f} s  {stage}", flush=True)
-                if not done
-                else None
-            ),
+            progress=tell,
         )
     headings, rows = loop.table()
     print("\n".join(" | ".join(row) for row in [headings, *rows]))
