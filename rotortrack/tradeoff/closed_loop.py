@@ -173,14 +173,19 @@ def analyse(
     filmed: Filmed, run: Path, preset: str, *, workers: int | None = None
 ) -> dict[str, pd.DataFrame]:
     """Analyse a film as the command would, with the configuration beside its truth."""
+    layers = [] if preset == "default" else [preset_layer(preset)]
+    layers.append(config_layer(filmed))
+    return dict(run_movie(filmed.movie, layers, run, workers=workers, overwrite=True).tables)
+
+
+def config_layer(filmed: Filmed) -> Layer:
+    """Give the configuration beside a film's truth."""
     configuration = filmed.truth / "config.toml"
     values = read_toml(configuration)
     maps = values["camera"].get("camera_maps")
     if maps is not None:
         values["camera"]["camera_maps"] = str(configuration.parent / maps)
-    layers = [] if preset == "default" else [preset_layer(preset)]
-    layers.append(Layer(f"config {configuration.name}", values))
-    return dict(run_movie(filmed.movie, layers, run, workers=workers, overwrite=True).tables)
+    return Layer(f"config {configuration.name}", values)
 
 
 def reseeded(scene: Scene, more: int) -> Scene:

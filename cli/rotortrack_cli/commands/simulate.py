@@ -15,7 +15,7 @@ from rotortrack.errors import UsageError
 from rotortrack.settings import Layer
 from rotortrack.simulate.rod.options import PRESETS
 from rotortrack.simulate.scene import Scene, read_scene
-from rotortrack_cli.commands.simulate_check import ANALYSES, FILMS
+from rotortrack_cli.commands.simulate_check import ANALYSES, FILMS, check_twin
 from rotortrack_cli.commands.simulate_check import check as compare
 from rotortrack_cli.console import Console
 from rotortrack_cli.flags import FILE, output_flags, output_option, parse_assignments
@@ -35,29 +35,38 @@ def command() -> None:
     """Simulate the field of a pore, rods in it, and movies of rotors."""
 
 
-def _scene_flags(function: _Function) -> _Function:
+def _scene_flags(*, optional: bool = False) -> Callable[[_Function], _Function]:
     """Add the scene, given as the argument `scene`, and what changes it."""
 
-    @functools.wraps(function)
-    def call(
-        *args: Any,
-        path: Path,
-        preset: str | None,
-        assignments: tuple[str, ...],
-        **kwargs: Any,
-    ) -> Any:
-        values = parse_assignments(assignments)
-        layers = [Layer("--set", values)] if values else []
-        return function(*args, scene=read_scene(path, layers, preset), **kwargs)
+    def decorate(function: _Function) -> _Function:
+        @functools.wraps(function)
+        def call(
+            *args: Any,
+            path: Path | None,
+            preset: str | None,
+            assignments: tuple[str, ...],
+            **kwargs: Any,
+        ) -> Any:
+            values = parse_assignments(assignments)
+            layers = [Layer("--set", values)] if values else []
+            scene = None if path is None else read_scene(path, layers, preset)
+            return function(*args, scene=scene, **kwargs)
 
-    decorated: Any = call
-    for add in reversed(_SCENE):
-        decorated = add(decorated)
-    return decorated  # type: ignore[no-any-return]
+        decorated: Any = call
+        argument = click.argument(
+            "path",
+            metavar="[SCENE.toml]" if optional else "SCENE.toml",
+            type=FILE,
+            required=not optional,
+        )
+        for add in reversed((argument, *_CHANGES)):
+            decorated = add(decorated)
+        return decorated  # type: ignore[no-any-return]
+
+    return decorate
 
 
-_SCENE = (
-    click.argument("path", metavar="SCENE.toml", type=FILE),
+_CHANGES = (
     click.option(
         "--preset",
         type=click.Choice(list(PRESETS)),
@@ -93,7 +102,7 @@ def _field_flags(function: _Function) -> _Function:
 
 
 @command.command("field", cls=StageCommand)
-@_scene_flags
+@_scene_flags()
 @output_option("FIELD.npz", "Where the field is written.")
 @_field_flags
 @output_flags
@@ -126,7 +135,7 @@ def field(
 
 
 @command.command("rod", cls=StageCommand)
-@_scene_flags
+@_scene_flags()
 @output_option("ROD.npz", "Where shapes and angle over time are written.")
 @_field_flags
 @click.option(
@@ -213,7 +222,7 @@ def rod(
 
 
 @command.command("scan", cls=StageCommand)
-@_scene_flags
+@_scene_flags()
 @output_option("FOLDER", "Where runs.parquet, shapes.npz and scan.json are written.")
 @_field_flags
 @click.option(
@@ -271,7 +280,7 @@ def scan(
 
 
 @command.command("film", cls=StageCommand)
-@_scene_flags
+@_scene_flags()
 @output_option("MOVIE.tif", "Where the movie is written; the truth lies beside it.")
 @click.option(
     "--workers",
@@ -308,8 +317,16 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
 
 
 @command.command("check", cls=StageCommand)
-@_scene_flags
+@_scene_flags(optional=True)
 @output_option("FOLDER", "Where films, truths, runs and the comparison are written.")
+@click.option(
+    "--from-run",
+    "run",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="RUN",
+    help="Film rotors like those of a finished run instead of a scene, analyse them by its "
+    "options, and write error_budget.json into it.",
+)
 @FILMS
 @ANALYSES
 @click.option(
@@ -322,14 +339,21 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
 @click.pass_obj
 def check(
     console: Console,
-    scene: Scene,
+    scene: Scene | None,
     output: Path,
+    run: Path | None,
     films: int,
     presets: tuple[str, ...],
     workers: int | None,
     no_figures: bool,
 ) -> None:
     """Film a scene, analyse the film, and compare with the truth: how good is the analysis here."""
+    if (scene is None) == (run is None):
+        raise UsageError("give SCENE.toml or --from-run RUN, one of them")
+    if run is not None:
+        check_twin(console, run, output, films=films, workers=workers)
+        return
+    assert scene is not None
     compare(
         console,
         scene,

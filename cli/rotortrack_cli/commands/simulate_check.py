@@ -60,6 +60,32 @@ def check(
     console.json(told)
 
 
+def check_twin(
+    console: Console, run: Path, output: Path, *, films: int, workers: int | None
+) -> None:
+    """Show what the analysis makes of films like those of a finished run."""
+    from rotortrack.tradeoff.summary import AIMS
+    from rotortrack.tradeoff.twin import BUDGET, error_budget
+
+    with Stages(console) as stages:
+        told = error_budget(run, output, films=films, workers=workers, progress=stages)
+    columns = ("rotor", "kept", "omega_bias", "omega_rms_error", "speed_reported_sd_rad_s")
+    console.table(
+        ("rotor", "kept", "bias rad/s", "rms error", "reported sd"),
+        [
+            ["" if row[name] is None else f"{row[name]:.4g}" for name in columns]
+            for row in told["rotors"]
+        ],
+    )
+    for name, measure in told["all"].items():
+        if measure["value"] is not None:
+            console.text(f"{AIMS[name][0]}: {measure['value']:.4g}")
+    for number, why in told["left_out"].items():
+        console.text(f"rotor {number} is not in the twin: {why}")
+    console.text(f"in {run / BUDGET}; films and their analyses in {output}")
+    console.json(told)
+
+
 FILMS = click.option(
     "--films",
     type=click.IntRange(min=1),

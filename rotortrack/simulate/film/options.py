@@ -190,6 +190,9 @@ class DriftOptions(Options):
     walk_nm: float = option(0.0, "random walk, rms step a frame and axis", ge=0)
     step_nm: tuple[float, ...] = option((0.0, 0.0), "one sudden step, x and y", check=_pair)
     step_s: float = option(0.0, "when it comes", ge=0)
+    table: str | None = option(
+        None, "file of a drift, CSV with frame, dx_nm and dy_nm, that is added"
+    )
 
 
 @dataclass(frozen=True)

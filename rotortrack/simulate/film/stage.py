@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rotortrack.errors import ConfigurationError
+from rotortrack.exchange.csv import read_csv
 from rotortrack.simulate.film.clock import Clock
 from rotortrack.simulate.film.options import DriftOptions, VibrationOptions
 from rotortrack.simulate.film.streams import Effect, stream
+from rotortrack.tables import DRIFT
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +29,11 @@ class Stage:
         When frames are exposed.
     seed
         Of the film.
+
+    Raises
+    ------
+    ConfigurationError, TableError
+        The drift's file does not tell every frame, or cannot be read.
     """
 
     def __init__(
@@ -41,6 +50,9 @@ class Stage:
         if drift is not None and drift.walk_nm:
             self._rng = stream(seed, Effect.DRIFT)
         self._walked = np.zeros((1, 2))
+        self._table = None
+        if drift is not None and drift.table is not None:
+            self._table = _read_drift(Path(drift.table), clock.n_frames)
 
     def advance(self, n: int) -> Floats | None:
         """Give the drift (x, y) in each of the next n frames, nm, shape (n, 2); None without one.
@@ -62,6 +74,8 @@ class Stage:
             path = np.cumsum(np.concatenate([self._walked, steps]), axis=0)
             self._walked = path[-1:]
             moved += path[:-1]
+        if self._table is not None:
+            moved += self._table[first : first + n]
         return moved
 
     def vibration_nm(self, times_s: Floats) -> tuple[Floats, Floats] | None:
@@ -75,3 +89,16 @@ class Stage:
         swing = vibration.amplitude_nm * np.sin(2.0 * math.pi * vibration.frequency_hz * times_s)
         direction = math.radians(vibration.direction_deg)
         return swing * math.cos(direction), -swing * math.sin(direction)
+
+
+def _read_drift(path: Path, n_frames: int) -> Floats:
+    """Read dx and dy of every frame, shape (n_frames, 2)."""
+    table = read_csv(path, DRIFT).set_index("frame")
+    missing = np.setdiff1d(np.arange(n_frames), table.index)
+    if missing.size:
+        raise ConfigurationError(
+            f"[drift] table {path} does not tell frame {missing[0]} ({missing.size} of {n_frames} "
+            "frames are missing): give one row a frame"
+        )
+    moved: Floats = table.loc[np.arange(n_frames), ["dx_nm", "dy_nm"]].to_numpy(np.float64)
+    return moved
