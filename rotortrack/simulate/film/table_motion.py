@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -9,6 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.errors import TableError
+from rotortrack.simulate.film.actors import Light
+from rotortrack.simulate.film.clock import Clock
+from rotortrack.simulate.film.dyes import Dyes
+from rotortrack.simulate.film.rotor import End, Rotor
+from rotortrack.simulate.film.scene import FilmScene, within
+from rotortrack.simulate.film.streams import Effect, stream
 from rotortrack.tables import Column, Schema
 
 if TYPE_CHECKING:
@@ -98,6 +106,92 @@ class Positions:
             self._light[rows],
         )
         return x_nm, y_nm, photons
+
+
+class TableActor:
+    """The rotors of one table: points of the first colour that stand still during an exposure.
+
+    Photons of the table are filmed as they are. Where it has none, each rotor draws its own from
+    the scene's, and its dyes bleach and blink.
+
+    Parameters
+    ----------
+    scene, group
+        The scene, and which of its groups of rotors has the table.
+    clock
+        When frames are exposed.
+    rotor, pore
+        Number of the first rotor and of its pore; the others follow.
+
+    Attributes
+    ----------
+    rotors
+        What is known of them: the mean place and light; the rest is nan.
+
+    Raises
+    ------
+    TableError, ResourceError
+        The table cannot be used: see :func:`read_positions`.
+    """
+
+    def __init__(self, scene: FilmScene, group: int, clock: Clock, rotor: int, pore: int) -> None:
+        options, seed = scene.rotors[group], scene.film.seed
+        assert options.table is not None
+        self._positions = read_positions(Path(options.table), clock.n_frames)
+        self.rotors: list[Rotor] = []
+        self._dyes: list[Dyes] = []
+        for member, (x_nm, y_nm) in enumerate(self._positions.middle_nm.tolist()):
+            number, photons = rotor + member, math.nan
+            if not self._positions.has_photons:
+                part = float(stream(seed, Effect.ROTOR, group, member).random())
+                photons = within(options.photons, part)
+                row = y_nm / scene.film.pixel_size_nm
+                self._dyes.append(
+                    Dyes(
+                        number,
+                        0,
+                        photons,
+                        clock,
+                        seed,
+                        dyes=scene.dyes,
+                        bleaching=scene.bleaching,
+                        blinking=scene.blinking,
+                        delay_s=row * clock.line_time_s,
+                    )
+                )
+            end = End(
+                **dict.fromkeys(("radius_nm", "phase_rad", "tangent_rad"), math.nan),
+                photons=photons,
+                channel=0,
+            )
+            self.rotors.append(
+                Rotor(
+                    number=number,
+                    pore=pore + member,
+                    group=group,
+                    motion="table",
+                    x_nm=x_nm,
+                    y_nm=y_nm,
+                    ends=(end,),
+                    omega_rad_s=math.nan,
+                    diffusion_rad2_s=math.nan,
+                    start_rad=math.nan,
+                )
+            )
+
+    def advance(self, n: int) -> Iterator[Light]:
+        """Give the light of each rotor in the next n frames."""
+        rows = zip(self.rotors, *self._positions.advance(n), strict=True)
+        for member, (rotor, x_nm, y_nm, light) in enumerate(rows):
+            yield Light(
+                x_nm=x_nm[:, np.newaxis],
+                y_nm=y_nm[:, np.newaxis],
+                photons=light * self._dyes[member].advance(n)[0] if self._dyes else light,
+                channel=0,
+                rotor=rotor.number,
+                end=0,
+                theta_rad=np.full(1, np.nan),
+            )
 
 
 def read_positions(path: Path, n_frames: int) -> Positions:

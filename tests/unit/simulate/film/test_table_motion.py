@@ -12,6 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotortrack.errors import TableError
+from rotortrack.simulate.film.film import Film
+from rotortrack.simulate.film.options import BleachingOptions, FilmOptions, RotorsOptions
+from rotortrack.simulate.film.scene import FilmScene
 from rotortrack.simulate.film.table_motion import Positions, read_positions
 
 TEXT = "frame,rotor,x_nm,y_nm,photons\n0,7,100,200,50\n2,7,130,180,60\n1,2,5,6,70\n"
@@ -136,3 +139,61 @@ def test_numbers_without_end_are_refused(tmp_path):
     pq.write_table(pa.table({**columns, "x_nm": np.ones(n), "y_nm": np.ones(n)}), path)
     with pytest.raises(TableError, match="100,001 rotors"):
         read_positions(path, 10)
+
+
+def scene(path, **changes):
+    values = {"motion": "table", "table": str(path), **changes.pop("rotors", {})}
+    film = FilmOptions(n_frames=5, width_px=80, height_px=60, pixel_size_nm=100.0)
+    driven = RotorsOptions(motion="driven", count=2, x_nm=(2e3, 6e3), y_nm=(2e3, 4e3))
+    return FilmScene(film=film, rotors=(driven, RotorsOptions(**values)), **changes)
+
+
+SPOTS = "frame,rotor,x_nm,y_nm\n0,4,4000,3000\n2,4,4100,2900\n2,9,3000,5000\n"
+
+
+def filmed(made, **kwargs):
+    film, told = Film(made, [()] * len(made.rotors), **kwargs), []
+    frames = np.concatenate(list(film.blocks(see=lambda first, seen: told.append((first, seen)))))
+    return film, frames, told
+
+
+@pytest.mark.parametrize("block_frames", [1, 3, 5])
+def test_a_film_shows_the_rotors_of_a_table_beside_the_others(tmp_path, block_frames):
+    path = written(tmp_path, SPOTS.replace("y_nm\n", "y_nm,photons\n").replace("00\n", "00,800\n"))
+    film, frames, told = filmed(scene(path), block_frames=block_frames)
+    assert [rotor.motion for rotor in film.rotors] == ["driven", "driven", "table", "table"]
+    assert [rotor.number for rotor in film.rotors] == [0, 1, 2, 3]
+    assert len({rotor.pore for rotor in film.rotors}) == 4
+    assert (film.rotors[2].x_nm, film.rotors[2].y_nm) == (4050.0, 2950.0)
+    others = filmed(FilmScene(film=film.scene.film, rotors=film.scene.rotors[:1]))[1]
+    added = frames - others
+    np.testing.assert_allclose(added.sum(axis=(1, 2)), [800, 0, 1600, 0, 0], atol=0.5)
+    rows, columns = np.indices(added[0].shape)
+    assert (added[0] * (columns + 0.5)).sum() / 800 == pytest.approx(40.0, abs=0.01)
+    assert (added[0] * (rows + 0.5)).sum() / 800 == pytest.approx(30.0, abs=0.01)
+    photons = [one.photons for _, seen in told for one in seen if (one.rotor, one.end) == (2, 0)]
+    assert np.concatenate(photons).tolist() == [800, 0, 800, 0, 0]
+    speeds = film.realised_rad_s()
+    assert np.isnan(speeds[2:]).all()
+    assert np.isfinite(speeds[:2]).all()
+
+
+def test_rotors_without_photons_draw_their_own_and_bleach(tmp_path):
+    path = written(tmp_path, "frame,rotor,x_nm,y_nm\n0,0,4000,3000\n4,0,4000,3000\n")
+    made = scene(path, rotors={"photons": (700.0, 900.0)})
+    _, frames, _ = filmed(FilmScene(film=made.film, rotors=made.rotors[1:]))
+    light = frames.sum(axis=(1, 2))
+    assert 700.0 < light[0] < 900.0
+    assert light[1:].tolist() == [0.0, 0.0, 0.0, pytest.approx(light[0])]
+    dark = FilmScene(
+        film=made.film, rotors=made.rotors[1:], bleaching=BleachingOptions(lifetime_s=1e-5)
+    )
+    assert filmed(dark)[1][4].sum() == 0.0
+
+
+def test_options_that_tables_have_no_use_for_are_told(tmp_path):
+    made = scene(written(tmp_path, SPOTS), rotors={"count": 3, "arrive_s": 1.0})
+    assert list(made.mistakes(has_rod=False, has_field=False)) == [
+        "[rotors 2] count has no use for motion table: the table tells where rotors are",
+        "[rotors 2] arrive_s has no use for motion table: the table tells where rotors are",
+    ]
