@@ -66,9 +66,7 @@ class RotorActor:
         self._clock = clock
         self._delays_s = tuple(row * clock.line_time_s for row in rows)
         self._walk = AngleWalk(rotor, clock, seed, drive, self._delays_s)
-        self._breathing = (
-            Breathing(rotor, clock.frame_interval_s, seed) if rotor.breathing_sd_nm else None
-        )
+        self._breathing = Breathing(rotor, clock, seed) if rotor.breathing_sd_nm else None
         self._dyes = [
             Dyes(
                 rotor.number,

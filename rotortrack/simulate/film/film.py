@@ -8,6 +8,7 @@ nor the size of the blocks changes a pixel.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ from rotortrack.simulate.film.scene import FilmScene
 if TYPE_CHECKING:
     from rotortrack.simulate.film.sensor import Sensor
     from rotortrack.simulate.film.shapes import Shape
+    from rotortrack.simulate.film.table_motion import TableActor
 
 Floats = NDArray[np.float64]
 
@@ -117,6 +119,7 @@ class Film:
             RotorActor(rotor, scene, self.clock, self._equipment.drive, self._rows(rotor))
             for rotor in self.rotors
         ]
+        self._tables = self._read_tables()
         self.drift_nm: list[Floats] = []
         self._base = self._make_base()
 
@@ -140,7 +143,8 @@ class Film:
 
     def realised_rad_s(self) -> list[float]:
         """Mean speed of each rotor so far."""
-        return [actor.realised_rad_s for actor in self._actors]
+        known = [actor.realised_rad_s for actor in self._actors]
+        return known + [math.nan] * (len(self.rotors) - len(known))
 
     def blocks(
         self,
@@ -164,6 +168,7 @@ class Film:
         for first in range(0, n_frames, self._block):
             n = min(self._block, n_frames - first)
             lights = [light for actor in self._actors for light in actor.advance(first, n)]
+            lights += [light for table in self._tables for light in table.advance(n)]
             lights += self._passing(n)
             stage_nm = None if self._equipment.stage is None else self._equipment.stage.advance(n)
             flicker = (
@@ -275,6 +280,19 @@ class Film:
         if split.layout == "left-right":
             return width * film.pixel_size_nm, 0.0
         return 0.0, height * film.pixel_size_nm
+
+    def _read_tables(self) -> list[TableActor]:
+        """Read the places of rotors that move by a table, and count them among the others."""
+        tables: list[TableActor] = []
+        for group, options in enumerate(self.scene.rotors):
+            if options.motion == "table":
+                from rotortrack.simulate.film.table_motion import TableActor
+
+                pore = 1 + max((rotor.pore for rotor in self.rotors), default=-1)
+                actor = TableActor(self.scene, group, self.clock, len(self.rotors), pore)
+                self.rotors = (*self.rotors, *actor.rotors)
+                tables.append(actor)
+        return tables
 
     def _passing(self, n: int) -> Iterator[Light]:
         """Give the light of rods that drift by."""

@@ -13,7 +13,7 @@ from rotortrack.simulate.film.options import FreeRodsOptions
 from rotortrack.simulate.film.scene import within
 from rotortrack.simulate.film.segments import Segments
 from rotortrack.simulate.film.streams import Effect, stream
-from rotortrack.simulate.film.wander import Brownian
+from rotortrack.simulate.film.wander import Brownian, Streams
 
 Floats = NDArray[np.float64]
 
@@ -62,8 +62,12 @@ class FreeRods:
             place = rng.random(2) * self._size_nm
             photons = within(options.photons, float(rng.random()))
             walks = [
-                Brownian(diffusion, self._segments.length_s, stream(seed, Effect.FREE_RODS, rod, k))
-                for k in range(2)
+                Brownian(
+                    diffusion,
+                    self._segments.length_s,
+                    Streams.of(seed, Effect.FREE_RODS, rod, axis),
+                )
+                for axis in range(2)
             ]
             self._rods.append((place, photons, walks))
 

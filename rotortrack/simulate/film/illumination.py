@@ -12,7 +12,7 @@ from rotortrack.errors import ConfigurationError
 from rotortrack.simulate.film.clock import Clock
 from rotortrack.simulate.film.options import BackgroundOptions, FlickerOptions, LaserOptions
 from rotortrack.simulate.film.streams import Effect, stream
-from rotortrack.simulate.film.wander import Wobble
+from rotortrack.simulate.film.wander import Streams, Wobble
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +88,8 @@ class Flicker:
         self._slow = None
         if options.time_s and options.sd:
             periods = np.array([clock.frame_interval_s])
-            self._slow = Wobble(options.sd, options.sd**2 / options.time_s, periods, self._rng)
+            rate = options.sd**2 / options.time_s
+            self._slow = Wobble(options.sd, rate, periods, Streams.of(seed, Effect.FLICKER))
 
     def advance(self, n: int) -> Floats:
         """Give the factors of the next n frames, shape (n,), never negative."""

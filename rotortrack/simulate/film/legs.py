@@ -104,12 +104,6 @@ class Legs:
                 means += change * (bent - late)
         return means
 
-    def at(self, time_s: float) -> float:
-        """Give the integral at a time not before those asked for last."""
-        self._go_to(time_s, self._start_s[0])
-        leg = max(int(np.searchsorted(self._start_s, time_s, side="right")) - 1, 0)
-        return self._reached[leg] + self._slope[leg] * (time_s - self._start_s[leg])
-
     def _go_to(self, end_s: float, begin_s: float) -> None:
         """Learn all changes before one time, and forget legs that ended before another."""
         flips = [] if self._flips is None else [(t, -1.0, True) for t in self._flips.until(end_s)]

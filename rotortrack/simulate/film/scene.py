@@ -83,6 +83,12 @@ _OF_ONE_KIND = {
 }
 """Options that only some motions have a use for."""
 
+_NOT_OF_TABLES = (
+    *("count", "x_nm", "y_nm", "shape", "radius_nm", "ends", "diffusion_rad2_s", "start_deg"),
+    *("arrive_s", "leave_s", "second_after_s", "breathing_sd_nm"),
+)
+"""Options for which rotors of a table have no use."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FilmScene:
@@ -234,6 +240,9 @@ class FilmScene:
         if group.motion == "table":
             if group.table is None:
                 yield "motion table needs table: name a file"
+            for name in _NOT_OF_TABLES:
+                if getattr(group, name) != getattr(defaults, name):
+                    yield f"{name} has no use for motion table: the table tells where rotors are"
         elif group.motion != "stuck" and group.motion not in ("driven", "switching"):
             least = group.diffusion_rad2_s
             if (least[0] if isinstance(least, tuple) else least) <= 0.0:

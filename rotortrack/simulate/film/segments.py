@@ -88,15 +88,12 @@ class Segments:
         if self._part_s == 0.0:
             # Of the two segments that begin then, the first one is the instant.
             return path[:, [int(np.argmin(np.abs(starts - delay_s)))]]
-        means = np.zeros((len(path), self._parts))
-        for part in range(self._parts):
-            begin = delay_s + part * self._part_s
-            slack = _SAME * self.period_s
-            inside = (starts >= begin - slack) & (starts < begin + self._part_s - slack)
-            chosen = np.flatnonzero(inside)
-            if chosen.size == 1:
-                means[:, part] = path[:, chosen[0]]
-                continue
-            for segment in chosen:
-                means[:, part] += lengths[segment] / lengths[chosen].sum() * path[:, segment]
-        return means
+        slack = _SAME * self.period_s
+        edges = delay_s + self._part_s * np.arange(self._parts + 1) - slack
+        firsts = np.searchsorted(starts, edges)
+        chosen = slice(firsts[0], firsts[-1])
+        if firsts[-1] - firsts[0] == self._parts:
+            return path[:, chosen]
+        offsets = firsts[:-1] - firsts[0]
+        sums: Floats = np.add.reduceat(path[:, chosen] * lengths[chosen], offsets, axis=1)
+        return sums / np.add.reduceat(lengths[chosen], offsets)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy import integrate
 from rotortrack.errors import ConfigurationError
 from rotortrack.simulate.film.angles import AngleWalk
 from rotortrack.simulate.film.clock import Clock
-from rotortrack.simulate.film.legs import Drive, Flips, Legs
+from rotortrack.simulate.film.legs import Drive, Flips
 from rotortrack.simulate.film.options import VoltageOptions
 from rotortrack.simulate.film.rotor import Rotor
 from rotortrack.simulate.film.streams import Effect, stream
@@ -127,14 +126,63 @@ def test_speeds_follow_the_voltage():
     assert (angles[900] - angles[600]) / (300 * T) == pytest.approx(30.0)
 
 
-def test_a_switching_rotor_turns_at_plus_or_minus_its_speed():
-    flips = Flips(20.0, stream(1, Effect.EVENTS, 0))
-    times = list(Flips(20.0, stream(1, Effect.EVENTS, 0)).until(10.0))
-    assert len(times) == pytest.approx(200, abs=60)
-    legs = Legs(None, flips)
-    edges = [0.0, *times, 10.0]
-    forward = sum((-1) ** k * (b - a) for k, (a, b) in enumerate(itertools.pairwise(edges)))
-    assert legs.at(10.0) == pytest.approx(forward, abs=1e-12)
+def test_a_switching_rotor_turns_at_plus_or_minus_its_speed_from_flip_to_flip():
+    n = 400
+    drive = Drive((0.0, 0.3), (1.0, 0.5))
+    moving = walk(rotor("switching", diffusion_rad2_s=0.0), n, drive=drive)
+    angles = moving.advance(n)[0]
+    flips = list(Flips(20.0, stream(5, Effect.EVENTS, 3)).until(n * T))
+    assert len(flips) > 5
+    kinks = np.unique([0.0, 0.3, *flips, n * T])
+    middles = 0.5 * (kinks[1:] + kinks[:-1])
+    signs = (-1.0) ** np.searchsorted(flips, middles)
+    speeds = 30.0 * signs * np.where(middles < 0.3, 1.0, 0.5)
+    # Angles are straight between kinks, so that trapezia between all edges are exact.
+    edges = np.linspace(0.0, n * T, n * moving.parts + 1)
+    times = np.union1d(edges, kinks)
+    turned = np.interp(times, kinks, np.concatenate([[0.0], np.cumsum(speeds * np.diff(kinks))]))
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (turned[1:] + turned[:-1]) * np.diff(times))])
+    means = np.diff(np.interp(edges, times, area)) / np.diff(edges)
+    np.testing.assert_allclose(angles.ravel(), 0.4 + means, atol=1e-9)
+
+
+def test_flips_come_at_their_rate():
+    count = sum(1 for _ in Flips(20.0, stream(1, Effect.EVENTS, 0)).until(500.0))
+    assert count == pytest.approx(10_000, abs=5.0 * 100.0)
+
+
+def test_the_fastest_voltage_decides_into_how_many_parts_an_exposure_is_cut():
+    made = rotor(diffusion_rad2_s=0.0)
+    fast = Drive((0.0, 1.0, 2.0), (1.0, -50.0, 2.0))
+    assert walk(made, 5).parts == 1
+    assert walk(made, 5, drive=fast).parts == math.ceil(50.0 * 30.0 * T / 0.1)
+
+
+@pytest.mark.parametrize("motion", ["brownian", "tethered", "two_position"])
+def test_the_path_is_the_same_with_and_without_blur(motion):
+    n = 20_000
+    made = rotor(motion, **({"switch_rate_per_s": 1e-9} if motion == "two_position" else {}))
+    instants = walk(made, n + 1, exposure_s=0.0).advance(n + 1)[0][:, 0]
+    blurred = walk(made, n).advance(n)[0].mean(axis=1)
+    off = blurred - 0.5 * (instants[1:] + instants[:-1])
+    # A bridge's mean is left: another path would differ by twelve times as much and more.
+    bridge = 2.0 * made.diffusion_rad2_s * T / 12.0
+    assert off.var() == pytest.approx(bridge, rel=0.1)
+
+
+@pytest.mark.parametrize("change", ["voltage", "shutter"])
+def test_the_path_is_the_same_with_and_without_other_effects(change):
+    n = 4000
+    made = rotor(diffusion_rad2_s=30.0, omega_rad_s=2.0)
+    plain = walk(made, n).advance(n)[0].mean(axis=1)
+    if change == "voltage":
+        other = walk(made, n, drive=Drive((0.0,), (100.0,))).advance(n)[0].mean(axis=1)
+        other -= 99.0 * 2.0 * T * (np.arange(n) + 0.5)
+    else:
+        other = walk(made, n, delays_s=(0.0, 0.0011)).advance(n)[0].mean(axis=1)
+    bridge = 2.0 * made.diffusion_rad2_s * T / 12.0
+    assert np.var(other - plain) < 2.2 * bridge
+    assert abs(np.mean(other - plain)) < 5.0 * math.sqrt(2.0 * bridge / n)
 
 
 @pytest.mark.parametrize("ratio", [1e-6, 0.009, 0.011, 0.5, 7.0])
@@ -172,6 +220,24 @@ def test_an_arc_is_filled_evenly_and_never_left():
     # The slowest mode of a reflecting box decays with D (pi / arc)^2.
     independent = n * T * 50.0 * (math.pi / 1.5) ** 2 / 2.0
     assert angles.var() == pytest.approx(1.5**2 / 12.0, rel=5.0 / math.sqrt(independent))
+
+
+@pytest.mark.parametrize("arc_rad", [0.1, 0.5, 2.0])
+def test_means_over_exposures_between_walls_have_the_law_of_theory(arc_rad):
+    n, d = 40_000, 2.5
+    moving = walk(rotor("arc", arc_rad=arc_rad, diffusion_rad2_s=d), n)
+    assert moving.parts == 1
+    angles = moving.advance(n)[0][:, 0] - 0.4
+    # The box's modes: covariance 8 arc^2 / (m pi)^4 exp(-D (m pi / arc)^2 t), m odd.
+    m = np.arange(1, 2000, 2)
+    weight, x = 8.0 * arc_rad**2 / (m * np.pi) ** 4, d * T * (m * np.pi / arc_rad) ** 2
+    variance = np.sum(weight * 2.0 * (x - 1.0 + np.exp(-x)) / x**2)
+    with_next = np.sum(weight * (np.expm1(-x) / x) ** 2)
+    steps = np.diff(angles).var()
+    assert steps == pytest.approx(2.0 * (variance - with_next), rel=0.01 + 4.0 * math.sqrt(2.0 / n))
+    independent = n * math.tanh(x[0] / 2.0)
+    spread = 4.0 * math.sqrt(0.8 / independent)
+    assert angles.var() == pytest.approx(variance, rel=0.01 + spread)
 
 
 def test_a_two_position_rotor_stands_in_opposite_poses():
