@@ -163,10 +163,12 @@ def warm_up(draw: Draw | None = None) -> None:
     from rotortrack.motion.estimate import compile_kernels
     from rotortrack.pipeline.run import run_movie
     from rotortrack.settings import Layer
-    from rotortrack.simulate.rod import warm
+    from rotortrack.simulate.film import warm as film
+    from rotortrack.simulate.rod import warm as rod
 
     compile_kernels()
-    warm.compile_kernels()
+    rod.compile_kernels()
+    film.compile_kernels()
     with _temporary_folder() as folder, warnings.catch_warnings(record=True):
         options = _write_film(folder / "movie.tif")
         for method in (*METHODS, *QUICK_METHODS):

@@ -31,6 +31,7 @@ AIMS: Final[dict[str, tuple[str, Aim]]] = {
     "diffusion_coverage": ("95 % intervals of D that hold the truth", "nominal"),
     "diffusion_bias": ("median relative error of D", "zero"),
     "radius_bias": ("median relative error of the radius", "zero"),
+    "radius_rmse_nm": ("error of the radius, nm rms", "low"),
     "radius_pull": ("errors of the radius over reported ones, rms", "one"),
     "centre_rmse_nm": ("error of the centre, nm rms per axis", "low"),
 }
@@ -146,6 +147,7 @@ def _of_circles(moving: pd.DataFrame) -> dict[str, Measure]:
     offsets = offsets.dropna()
     return {
         "radius_bias": middle((radius / moving["radius_nm"]).dropna()),
+        "radius_rmse_nm": rms(float((radius.dropna() ** 2).sum()), int(radius.notna().sum())),
         "radius_pull": rms(float((pulls**2).sum()), len(pulls)),
         "centre_rmse_nm": rms(float((offsets**2).sum()), len(offsets)),
     }

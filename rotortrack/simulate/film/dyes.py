@@ -147,5 +147,6 @@ def _overlap(begin_s: Floats, exposure_s: float, from_s: float, to_s: float) -> 
     if exposure_s == 0.0:
         return np.where((begin_s >= from_s) & (begin_s < to_s), 1.0, 0.0)
     lasts = np.minimum(begin_s + exposure_s, to_s) - np.maximum(begin_s, from_s)
-    share: Floats = np.maximum(lasts, 0.0) / exposure_s
-    return share
+    # Late in a film an exposure is not quite the difference of its ends.
+    whole = (begin_s >= from_s) & (begin_s + exposure_s <= to_s)
+    return np.where(whole, 1.0, np.maximum(lasts, 0.0) / exposure_s)

@@ -85,9 +85,9 @@ class Optics:
         if self._table is None:
             add_gaussian(images, x_px, y_px, photons, *self._widths_px)
         else:
-            from rotortrack.simulate.film.airy import add_tabulated
+            from rotortrack.simulate.film.airy import STEPS, add_tabulated
 
-            add_tabulated(images, x_px, y_px, photons, self._table)
+            add_tabulated(images, x_px, y_px, photons, self._table, STEPS)
 
 
 def gaussian_widths_nm(psf: PsfOptions) -> tuple[float, float]:

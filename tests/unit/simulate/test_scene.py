@@ -136,7 +136,8 @@ def test_grids_that_make_no_scan_are_refused(values, sentence):
 
 def test_the_shipped_scenes_name_what_they_need():
     scenes = {path.stem: read_scene(path) for path in SAMPLES.glob("*.toml")}
-    assert scenes.keys() == {"field", "rod", "scan", "small_scan"}
+    assert scenes.keys() == {"check", "field", "rod", "scan", "small_scan"}
+    scenes["check"].require("field", "rod", "scan", "film")
     scenes["field"].require("field")
     scenes["rod"].require("field", "rod")
     scenes["small_scan"].require("field", "rod", "scan")
