@@ -295,10 +295,12 @@ class Film:
         return tables
 
     def _passing(self, n: int) -> Iterator[Light]:
-        """Give the light of rods that drift by."""
+        """Give the light of rods that drift by, and of a grid that moves with the stage."""
         if self._equipment.free_rods is not None:
             for x_nm, y_nm, photons in self._equipment.free_rods.advance(n):
                 yield Light(x_nm, y_nm, photons, channel=0)
+        if self._equipment.stage is not None:
+            yield from self._fiducials()
 
     def _laser_at(self, x_nm: Floats, y_nm: Floats) -> Floats:
         from rotortrack.simulate.film.illumination import laser_at
@@ -319,6 +321,8 @@ class Film:
         """Draw, once for each colour, what is the same in every frame."""
         image = still_light(self.scene)
         bases = [image.copy() for _ in self._equipment.optics]
+        if self._equipment.stage is not None:
+            return bases
         for light in self._fiducials():
             spots: list[list[Spots]] = [[] for _ in self._equipment.optics]
             self._image(light, 0, 1, None, spots)

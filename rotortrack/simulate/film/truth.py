@@ -117,9 +117,18 @@ def rotor_table(rotors: Sequence[Rotor], realised_rad_s: Sequence[float]) -> pd.
                 "leave_s": rotor.leave_s,
             }
         )
-    table = pd.DataFrame(rows)
-    seconds = [name for name in table if str(name).startswith(("second_", "end_to_end"))]
-    return table.astype(dict.fromkeys(seconds, np.float64))
+    numbers = dict.fromkeys(("second_radius_nm", "second_phase_rad", "second_photons"), np.float64)
+    table = pd.DataFrame(rows, columns=list(_ROTOR_COLUMNS))
+    return table.astype({**numbers, "end_to_end_nm": np.float64})
+
+
+_ROTOR_COLUMNS: Final = (
+    *("rotor", "pore", "group", "motion", "x_nm", "y_nm", "radius_nm", "phase_rad"),
+    *("second_radius_nm", "second_phase_rad", "end_to_end_nm"),
+    *("omega_rad_s", "realised_omega_rad_s", "diffusion_rad2_s", "start_rad"),
+    *("switch_rate_per_s", "wobble_sd_rad", "arc_rad", "breathing_sd_nm"),
+    *("photons", "second_photons", "arrive_s", "leave_s"),
+)
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
