@@ -141,6 +141,10 @@ class LinkWarning(RotortrackWarning):
     """Mobile particles lie so close, or move so far, that some may have been confused."""
 
 
+class AliasingWarning(RotortrackWarning):
+    """A simulated rotor turns too fast for its film."""
+
+
 class TraceWarning(RotortrackWarning):
     """The camera's trigger in a recorded trace and the movie do not quite fit each other."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from rotortrack.errors import AliasingWarning
 from rotortrack.exchange.row_groups import open_row_groups
 from rotortrack.files import write_text
 from rotortrack.movies.write import is_ome, write_movie
@@ -98,6 +101,7 @@ def film_scene(
     scene.require("film")
     assert scene.film is not None
     film = Film(scene.film, shapes_for(scene) if shapes is None else shapes)
+    warn_of_aliases(film)
     folder = truth_folder(movie)
     folder.mkdir(parents=True, exist_ok=True)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
@@ -125,6 +129,36 @@ def film_scene(
         effects=scene.film.names,
         seconds=time.perf_counter() - begun,
     )
+
+
+def warn_of_aliases(film: Film) -> None:
+    """Warn of rotors that turn more than half a turn a frame, or within an exposure a good part.
+
+    Warns
+    -----
+    AliasingWarning
+        How the fastest one will be seen.
+    """
+    clock = film.clock
+    omega = max((abs(rotor.omega_rad_s) for rotor in film.rotors), default=0.0)
+    step = omega * clock.frame_interval_s
+    blur = 0.5 * omega * clock.exposure_s
+    ring = abs(math.sin(blur) / blur) if blur > 0.0 else 1.0
+    if step <= math.pi and ring >= _SEEN_RING:
+        return
+    seen = math.remainder(step, 2.0 * math.pi) / clock.frame_interval_s
+    warnings.warn(
+        f"a rotor of {omega / (2.0 * math.pi):.4g} turns a second is seen to turn at "
+        f"{abs(seen) / (2.0 * math.pi):.3g} by {1.0 / clock.frame_interval_s:.4g} frames a second, "
+        f"on a ring of {ring:.1%} of its radius: set omega_rad_s to that of measured rotors, or "
+        "shorten frame_interval_s and exposure_s",
+        AliasingWarning,
+        stacklevel=3,
+    )
+
+
+_SEEN_RING = 0.8
+"""Below this part of its radius a blurred ring is warned of."""
 
 
 def shapes_for(scene: Scene) -> list[Sequence[Shape]]:

@@ -38,7 +38,9 @@ class FilmOptions(Options):
         None, "time for which a frame gathers light; absent: an instant, without motion blur", gt=0
     )
     seed: int = option(1, "of everything random", ge=0)
-    mirrored: bool = option(False, "whether the optics flip the image left to right")
+    mirrored: bool = option(
+        False, "whether the optics flip the image; directions here are those on the image"
+    )
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,9 @@ class RotorsOptions(Options):
     )
     omega_rad_s: Numbers = option(
         (8.0, 60.0), "speed of driven and switching ones", gt=0, check=_range
+    )
+    own_rate: bool = option(
+        False, "driven rods turn at their own simulated rate, thousands of times a second"
     )
     direction: Literal["ccw", "cw", "either"] = option("either", "where they turn, on the image")
     diffusion_rad2_s: Numbers = option(
@@ -93,7 +98,9 @@ class RotorsOptions(Options):
     second_after_s: Numbers | None = option(
         None, "each pore gets a second rotor of the same kind this long after", ge=0, check=_range
     )
-    breathing_sd_nm: float = option(0.0, "how far each end moves in and out, rms", ge=0)
+    breathing_sd_nm: float = option(
+        0.0, "how far each end moves in and out, rms; 0: as far as [thermal] makes a rod", ge=0
+    )
     breathing_time_s: float = option(0.05, "correlation time of breathing", gt=0)
     table: str | None = option(
         None, "of motion table: CSV or Parquet with frame, rotor, x_nm, y_nm, photons"

@@ -140,6 +140,13 @@ def _rotor(
     start = draws[_Draw.START] * 2.0 * math.pi
     if group.start_deg is not None:
         start = math.radians(group.start_deg)
+    shape = shapes[int(draws[_Draw.SHAPE] * len(shapes))] if shapes else None
+    omega = within(group.omega_rad_s, draws[_Draw.OMEGA], logarithmic=True)
+    if shape is not None and group.own_rate:
+        omega = 2.0 * math.pi * abs(shape.rate_rev_s)
+    breathing_nm = group.breathing_sd_nm
+    if shape is not None and not breathing_nm:
+        breathing_nm = math.hypot(*shape.breathing_sd_nm) / math.sqrt(2.0)
     return Rotor(
         number=0,
         pore=0,
@@ -147,10 +154,8 @@ def _rotor(
         motion=group.motion,
         x_nm=place[0],
         y_nm=place[1],
-        ends=_ends(group, shapes, sign, draws),
-        omega_rad_s=sign * within(group.omega_rad_s, draws[_Draw.OMEGA], logarithmic=True)
-        if driven
-        else 0.0,
+        ends=_ends(group, shape, sign, draws),
+        omega_rad_s=sign * omega if driven else 0.0,
         diffusion_rad2_s=within(group.diffusion_rad2_s, draws[_Draw.DIFFUSION], logarithmic=True)
         if moves
         else 0.0,
@@ -160,22 +165,21 @@ def _rotor(
         else 0.0,
         wobble_sd_rad=group.wobble_sd_rad if group.motion in ("two_position", "tethered") else 0.0,
         arc_rad=math.radians(group.arc_deg) if group.motion == "arc" else 0.0,
-        breathing_sd_nm=group.breathing_sd_nm,
-        breathing_time_s=group.breathing_time_s if group.breathing_sd_nm else 0.0,
+        breathing_sd_nm=breathing_nm,
+        breathing_time_s=group.breathing_time_s if breathing_nm else 0.0,
         arrive_s=within(group.arrive_s, draws[_Draw.ARRIVE]),
         leave_s=math.inf if group.leave_s is None else within(group.leave_s, draws[_Draw.LEAVE]),
     )
 
 
 def _ends(
-    group: RotorsOptions, shapes: Sequence[Shape], sign: float, draws: Sequence[float]
+    group: RotorsOptions, shape: Shape | None, sign: float, draws: Sequence[float]
 ) -> tuple[End, ...]:
     """Build the labelled ends, a rod's mirrored where it is to turn the other way."""
     photons = within(group.photons, draws[_Draw.PHOTONS])
     asked = group.photons if group.second_photons is None else group.second_photons
     second_photons = within(asked, draws[_Draw.SECOND_PHOTONS])
-    if shapes:
-        shape = shapes[int(draws[_Draw.SHAPE] * len(shapes))]
+    if shape is not None:
         hand = math.copysign(1.0, sign * shape.rate_rev_s)
         places = [(radius, hand * phase, hand * tangent) for radius, phase, tangent in shape.ends]
     else:

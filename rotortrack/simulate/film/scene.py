@@ -251,6 +251,8 @@ class FilmScene:
             for has, name in ((has_rod, "rod"), (has_field, "field")):
                 if not has:
                     yield f"shape rod needs [{name}]: add it"
+        if group.own_rate and (group.shape == "circle" or group.motion != "driven"):
+            yield "own_rate needs motion driven and the shape of a rod"
         if group.ends == 2 and self.split is None:
             yield "ends = 2 needs [split], where the second colour is seen"
         yield from self._mistakes_of_places(group)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.simulate.rod.ends import RodEnd
 from rotortrack.simulate.rod.observe import DYES_NM, dye_centres_nm
-from rotortrack.simulate.rod.run import RodRun
+from rotortrack.simulate.rod.run import RodRun, run_rod
 
 if TYPE_CHECKING:
     from rotortrack.simulate.scene import Scene
@@ -32,6 +32,10 @@ CLOUDS_NM: Final = DYES_NM[::-1]
 
 _LAST_PART = 0.5
 """Part of a run over which its shape is averaged."""
+
+_THERMAL_US: Final = 4.0
+_THERMAL_SAMPLE_US: Final = 0.02
+"""Length of the run that tells how far a rod's ends stray, and time between its samples."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def shape_of_run(run: RodRun, clouds_nm: tuple[float, float], origin: str) -> Sh
     Parameters
     ----------
     run
-        With thermal noise its fluctuations are told, too.
+        Without thermal noise.
     clouds_nm
         Lengths of rod that the dyes of a film's first and second end cover.
     origin
@@ -113,23 +117,15 @@ def shape_of_run(run: RodRun, clouds_nm: tuple[float, float], origin: str) -> Sh
     ConfigurationError
         The rod does not keep turning.
     """
-    turning = {RodEnd.ROTATING_STEADILY}
-    if run.thermal is not None:
-        # Two noisy quarters of a run are never the same.
-        turning.add(RodEnd.TIME_REACHED)
-    if run.end not in turning:
+    if run.end is not RodEnd.ROTATING_STEADILY:
         raise ConfigurationError(
             f"{origin}: the rod does not keep turning ({run.end.value}) and makes no rotor: "
             "choose another rod, such as lambda_eff 0.26 with flow_ratio 130, or a longer "
             "duration_us"
         )
     late = run.time_us >= run.time_us[-1] * (1.0 - _LAST_PART)
-    shape, out_sd = _turned_back(run.positions_nm[late], clouds_nm)
-    return Shape(
-        ends=shape,
-        breathing_sd_nm=out_sd if run.thermal is not None else (0.0, 0.0),
-        rate_rev_s=run.numbers.rate_rev_s,
-    )
+    ends, _ = _turned_back(run.positions_nm[late], clouds_nm)
+    return Shape(ends=ends, breathing_sd_nm=(0.0, 0.0), rate_rev_s=run.numbers.rate_rev_s)
 
 
 def shape_of_vertices(
@@ -177,8 +173,15 @@ def _simulated(scene: Scene, clouds_nm: tuple[float, float]) -> tuple[Shape, ...
     if scene.scan is None:
         from rotortrack.simulate.single import simulate_rod
 
-        done = simulate_rod(scene.rod, scene.start, scene.stepping, field, scene.thermal)
-        return (shape_of_run(done.run, clouds_nm, scene.origin),)
+        done = simulate_rod(scene.rod, scene.start, scene.stepping, field, None)
+        shape = shape_of_run(done.run, clouds_nm, scene.origin)
+        if scene.thermal is None:
+            return (shape,)
+        # Noise from the start would make of docking a matter of chance.
+        brief = replace(scene.stepping, duration_us=_THERMAL_US, sample_us=_THERMAL_SAMPLE_US)
+        noisy = run_rod(scene.rod, brief, done.run.positions_nm[-1], field, scene.thermal)
+        ends, strays = _turned_back(noisy.positions_nm, clouds_nm)
+        return (replace(shape, ends=ends, breathing_sd_nm=strays),)
     from rotortrack.parallel import default_workers, map_ordered
     from rotortrack.simulate.scan import planned_runs, simulate_run
 
