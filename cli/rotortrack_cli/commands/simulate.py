@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from rotortrack.simulate.rod.run import RodRun
     from rotortrack.simulate.scene_field import SceneField
 
+SAMPLE_NAMES = ("rotors", "salt", "two_colours", "fiducials")
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -366,16 +368,20 @@ def check(
 
 
 @command.command("sample", cls=StageCommand)
-@output_option("FOLDER", "Where movie.tif, config.toml and truth/ are written.")
+@click.argument("name", metavar="[NAME]", type=click.Choice(SAMPLE_NAMES), default="rotors")
+@output_option("FOLDER", "Where movie.tif, config.toml, scene.toml and truth/ are written.")
 @output_flags
 @click.pass_obj
-def sample(console: Console, output: Path) -> None:
-    """Make the sample movie of eight rotors, with its configuration and truth."""
+def sample(console: Console, name: str, output: Path) -> None:
+    """Make a sample film of simulated rods: rotors, salt, two_colours or fiducials."""
     from rotortrack.simulate.sample import make_sample
 
     with console.stage("simulate"):
-        make_sample(output)
-    console.text(f"sample written to {output}: try `rotortrack run {output / 'movie.tif'}`")
+        make_sample(output, name)
+    console.text(
+        f"sample written to {output}: try `rotortrack run {output / 'movie.tif'} "
+        f"-c {output / 'config.toml'} -o RUN`"
+    )
     console.json({"output": output})
 
 

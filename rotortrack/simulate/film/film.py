@@ -27,6 +27,7 @@ from rotortrack.simulate.film.scene import FilmScene
 if TYPE_CHECKING:
     from rotortrack.simulate.film.sensor import Sensor
     from rotortrack.simulate.film.shapes import Shape
+    from rotortrack.simulate.film.split import Split
     from rotortrack.simulate.film.table_motion import TableActor
 
 Floats = NDArray[np.float64]
@@ -132,6 +133,22 @@ class Film:
     def recorded(self) -> NDArray[np.bool_] | None:
         """Which frames the camera did not lose, shape (n_frames,); None where it lost none."""
         return self._equipment.recorded
+
+    @property
+    def split(self) -> Split:
+        """The second colour's optics, of a scene that has [split]."""
+        assert self._equipment.split is not None
+        return self._equipment.split
+
+    def fiducials(self) -> tuple[Floats, Floats, Floats]:
+        """Give the grid of a scene with [fiducials], by `fiducials.fiducial_points`."""
+        from rotortrack.simulate.film.fiducials import fiducial_points
+
+        assert self.scene.fiducials is not None
+        film = self.scene.film
+        return fiducial_points(
+            self.scene.fiducials, self.scene.field_px, film.pixel_size_nm, film.seed
+        )
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -334,13 +351,7 @@ class Film:
     def _fiducials(self) -> Iterator[Light]:
         """Give the points of a calibration grid, each in both colours."""
         if self.scene.fiducials is not None:
-            from rotortrack.simulate.film.fiducials import fiducial_points
-
-            film = self.scene.film
-            points = fiducial_points(
-                self.scene.fiducials, self.scene.field_px, film.pixel_size_nm, film.seed
-            )
-            for x_nm, y_nm, photons in zip(*points, strict=True):
+            for x_nm, y_nm, photons in zip(*self.fiducials(), strict=True):
                 for channel, light in enumerate(photons):
                     yield Light(np.array([[x_nm]]), np.array([[y_nm]]), np.array([light]), channel)
 

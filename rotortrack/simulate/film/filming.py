@@ -61,6 +61,7 @@ def film_scene(
     scene: Scene,
     movie: Path,
     *,
+    truth_in: Path | None = None,
     shapes: Sequence[Sequence[Shape]] | None = None,
     workers: int | None = None,
     compress: bool = False,
@@ -75,8 +76,10 @@ def film_scene(
     movie
         A TIFF file; one that ends in .ome.tif holds the time of every frame. Beside it appears the
         folder :func:`truth_folder`, with `rotors.csv`, `spots.parquet`, `scene.toml`, `config.toml`
-        (for `rotortrack run -c`), and where the scene has them `drift.csv`, `camera.npz` and
-        `daq.csv`.
+        (for `rotortrack run -c`), and where the scene has them `drift.csv`, `fiducials.csv`,
+        `camera.npz` and `daq.csv`.
+    truth_in
+        Another folder for what lies beside the movie.
     shapes
         What :func:`shapes_for` gave for this scene; absent, it is asked.
     workers
@@ -102,7 +105,7 @@ def film_scene(
     assert scene.film is not None
     film = Film(scene.film, shapes_for(scene) if shapes is None else shapes)
     warn_of_aliases(film)
-    folder = truth_folder(movie)
+    folder = truth_in or truth_folder(movie)
     folder.mkdir(parents=True, exist_ok=True)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
     with open_row_groups(folder / "spots.parquet", truth.SPOTS, source) as writer:
@@ -200,6 +203,8 @@ def _write_beside(scene: Scene, film: Film, folder: Path) -> None:
     truth.write_csv(folder / "rotors.csv", table)
     if film.drift_nm:
         truth.write_csv(folder / "drift.csv", truth.drift_table(film))
+    if film.scene.fiducials is not None:
+        truth.write_csv(folder / "fiducials.csv", truth.fiducial_table(film))
     maps = None
     if film.sensor is not None and not film.sensor.camera.is_scalar:
         from rotortrack.cameras.maps import write_maps

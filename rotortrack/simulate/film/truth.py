@@ -145,6 +145,22 @@ def drift_table(film: Film) -> pd.DataFrame:
     )
 
 
+def fiducial_table(film: Film) -> pd.DataFrame:
+    """Tell where each point of the grid is in both colours, without the stage."""
+    x_nm, y_nm, photons = film.fiducials()
+    second_x_nm, second_y_nm = film.split.to_second(x_nm, y_nm)
+    return pd.DataFrame(
+        {
+            "x_nm": x_nm,
+            "y_nm": y_nm,
+            "second_x_nm": second_x_nm,
+            "second_y_nm": second_y_nm,
+            "photons": photons[:, 0],
+            "second_photons": photons[:, 1],
+        }
+    )
+
+
 def write_configuration(path: Path, film: Film, maps: Path | None) -> None:
     """Write what `rotortrack run -c` needs to analyse the film.
 
