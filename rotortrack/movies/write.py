@@ -60,7 +60,8 @@ def write_movie(
     Raises
     ------
     MovieError
-        There are no frames, they differ in size or type, or they are not as many as `shape` says.
+        There are no frames, they differ in size or type, they are not as many as `shape` says, or
+        an OME-TIFF lacks its `shape`.
     ResourceError
         The disk is full or the folder cannot be written.
     """
@@ -74,11 +75,13 @@ def write_movie(
             f"{path} is not written: frames of {first.dtype.name} are not supported; convert them "
             f"to one of {', '.join(kind.name for kind in NUMBER_TYPES)}"
         )
-    # The estimate holds for compressed frames too: noise hardly shrinks.
-    page_bytes = first.nbytes + _DIRECTORY_BYTES
-    big = shape is None or shape[0] * page_bytes > _CLASSIC_BYTES
     per_micron = None if pixel_size_nm is None else (1e3 / pixel_size_nm,) * 2
-    if is_ome(path) and shape is not None:
+    if is_ome(path):
+        if shape is None:
+            raise MovieError(
+                f"{path} is not written: an OME-TIFF tells its number of frames at its beginning; "
+                "give shape, or a name that ends in .tif alone"
+            )
         description = ome_description(
             path.name,
             shape,
@@ -90,6 +93,9 @@ def write_movie(
         )
     else:
         description = _description(shape, pixel_size_nm, frame_interval_s)
+    # The estimate holds for compressed frames too: noise hardly shrinks.
+    page_bytes = first.nbytes + _DIRECTORY_BYTES
+    big = shape is None or shape[0] * page_bytes + len(description) > _CLASSIC_BYTES
     count = 0
     with (
         atomic_path(path) as temporary,

@@ -49,7 +49,7 @@ def ome_description(
         facts |= dict.fromkeys(("PhysicalSizeX", "PhysicalSizeY"), pixel_size_nm / 1e3)
     if frame_interval_s is not None:
         facts["TimeIncrement"] = frame_interval_s
-    return "".join(
+    text = "".join(
         [
             f'<?xml version="1.0" encoding="UTF-8"?><OME xmlns="{_SCHEMA}">',
             f'<Image ID="Image:0" Name={quoteattr(name)}><Pixels {_attributes(facts)}>',
@@ -59,6 +59,8 @@ def ome_description(
             "</Pixels></Image></OME>",
         ]
     )
+    # A description in a TIFF file is ASCII, names of files are not.
+    return text.encode("ascii", "xmlcharrefreplace").decode("ascii")
 
 
 def _planes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -23,6 +24,11 @@ class Clock:
     frame_interval_s: float
     exposure_s: float
     line_time_s: float = 0.0
+
+    @property
+    def trigger_s(self) -> float:
+        """How long the camera's trigger is high: the exposure, at most half of the interval."""
+        return min(self.exposure_s or math.inf, 0.5 * self.frame_interval_s)
 
     @property
     def duration_s(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -67,24 +68,26 @@ def write_daq(
         Of the film.
     """
     rng = stream(seed, Effect.VOLTAGE)
-    high_s = min(clock.exposure_s or np.inf, 0.5 * clock.frame_interval_s)
     samples = round((clock.duration_s + 2.0 * LEAD_S) * options.sample_hz)
+    # A thousandth of a sample, however long the film is.
+    digits = max(0, math.ceil(math.log10(options.sample_hz))) + 3
     starts = np.array(options.times_s)
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         file.write("time_s,trigger_v,voltage_v\n")
         for first in range(0, samples, _BLOCK_ROWS):
             number = np.arange(first, min(first + _BLOCK_ROWS, samples))
             time_s = number / options.sample_hz
-            film_s = time_s - LEAD_S
+            # A sample at the very beginning of a frame is in it, however the times are rounded.
+            film_s = (number + 1e-3) / options.sample_hz - LEAD_S
             frame = np.floor(film_s / clock.frame_interval_s).astype(np.int64)
             inside = (frame >= 0) & (frame < clock.n_frames)
             if recorded is not None:
                 inside &= recorded[np.clip(frame, 0, clock.n_frames - 1)]
-            is_high = inside & (film_s - frame * clock.frame_interval_s < high_s)
+            is_high = inside & (film_s - frame * clock.frame_interval_s < clock.trigger_s)
             step = np.maximum(np.searchsorted(starts, film_s, side="right") - 1, 0)
             voltage_mv = np.array(options.voltages_mv)[step]
             noise = rng.standard_normal((number.size, 2))
             trigger_v = _TRIGGER_V * is_high + _TRIGGER_NOISE_V * noise[:, 0]
             voltage_v = 1e-3 * (voltage_mv + options.noise_mv * noise[:, 1])
             rows = zip(time_s.tolist(), trigger_v.tolist(), voltage_v.tolist(), strict=True)
-            file.writelines(f"{t:.7g},{u:.4f},{v:.6f}\n" for t, u, v in rows)
+            file.writelines(f"{t:.{digits}f},{u:.4f},{v:.6f}\n" for t, u, v in rows)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rotortrack.settings import Options
+from rotortrack.simulate.film.clock import Clock
 from rotortrack.simulate.film.options import (
     BackgroundOptions,
     BleachingOptions,
@@ -73,6 +74,9 @@ _NEEDS = {
     "column_noise": ("camera",),
 }
 """Effects that need another."""
+
+_TRIGGER_SAMPLES = 2
+"""Samples of the trigger that each of its pulses needs at least."""
 
 _OF_ONE_KIND = {
     "switch_rate_per_s": ("switching", "two_position"),
@@ -207,10 +211,20 @@ class FilmScene:
                 yield "[voltage] times_s do not ascend"
             if times and times[0] != 0.0:
                 yield "[voltage] times_s do not begin with 0"
+            trigger_s = Clock(
+                film.n_frames, film.frame_interval_s, film.exposure_s or 0.0
+            ).trigger_s
+            if self.voltage.sample_hz * trigger_s < _TRIGGER_SAMPLES:
+                yield (
+                    f"[voltage] sample_hz: the trigger is high for {trigger_s:g} s a frame and "
+                    f"would be missed: give at least {_TRIGGER_SAMPLES / trigger_s:g}"
+                )
             if not self.voltage.reference_mv:
                 yield "[voltage] reference_mv must not be 0"
         if self.dropped is not None:
             late = [frame for frame in self.dropped.frames if frame >= film.n_frames]
+            if 0 in self.dropped.frames:
+                yield "[dropped] frames: frame 0 cannot be lost, a film begins with a frame"
             if late:
                 yield f"[dropped] frames: {late[0]} is beyond the {film.n_frames} frames"
 

@@ -1,7 +1,8 @@
 """Poisson numbers, exact in law, for the many pixels of a frame whose means are small.
 
-A Poisson number of mean m is the sum of one of mean floor(m), looked up in a table, and one of the
-mean that remains, found by inversion. Where m is above the table numpy draws it.
+A Poisson number of mean m is the sum of one whose mean is the next lower of a table, found by
+inversion, and one of the little mean that remains, which is 0 nearly always. Where m is above the
+table numpy draws it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from rotortrack.kernels import kernel
 Floats = NDArray[np.float64]
 
 LARGEST_MEAN = 64
-"""Means of the table: 0, 1, ... up to this."""
+"""Means of the table are below this."""
+
+_STEPS = 8
+"""Means of the table from one whole number to the next."""
 
 _GUIDES = 256
 """Equal parts of [0, 1) for each of which the table tells where to begin the search."""
@@ -34,16 +38,17 @@ def draw_electrons(photons: Floats, rng: np.random.Generator, electrons: Floats)
     rng
         A uniform number a pixel is drawn, and what numpy needs where means are large.
     electrons
-        Filled with the numbers, shape (h, w).
+        Filled with the numbers, shape (h, w), C-contiguous.
 
     Raises
     ------
     ValueError
         A mean is negative or not finite.
     """
-    uniform = rng.random(photons.shape)
+    # New memory for each frame would cost as much as the draws.
+    rng.random(out=electrons)
     cumulative, guides = _tables()
-    large = small_numbers(photons, uniform, cumulative, guides, electrons)
+    large = small_numbers(photons, electrons, cumulative, guides, electrons)
     if large < 0:
         raise ValueError("expected photons must be finite and not negative")
     if large:
@@ -56,7 +61,7 @@ def small_numbers(
     means: Floats,
     uniform: Floats,
     cumulative: Floats,
-    guides: NDArray[np.int64],
+    guides: NDArray[np.uint8],
     numbers: Floats,
 ) -> int:
     """Draw the numbers whose means are in the table.
@@ -66,11 +71,11 @@ def small_numbers(
     means, numbers
         Means and results, shape (h, w); results of large means are left alone.
     uniform
-        A number in [0, 1) for each, shape (h, w). Where it stands between two values of the table
-        is uniform again, and serves for the rest.
+        A number in [0, 1) for each, shape (h, w); may be the array of the results. Where it stands
+        between two values of the table is uniform again, and serves for the rest.
     cumulative, guides
-        For each whole mean the distribution function, and the least number whose distribution
-        function is above each guide.
+        For each mean of the table the distribution function, and the least number whose
+        distribution function is above each guide.
 
     Returns
     -------
@@ -84,35 +89,44 @@ def small_numbers(
             mean = means[row, column]
             if not 0.0 <= mean < math.inf:
                 return -1
-            if mean >= cumulative.shape[0]:
+            if mean >= LARGEST_MEAN:
                 large += 1
                 continue
-            whole = int(mean)
+            entry = int(mean * _STEPS)
             u = uniform[row, column]
-            number = guides[whole, int(u * parts)]
-            while cumulative[whole, number] <= u:
+            number = int(guides[entry, int(u * parts)])
+            while cumulative[entry, number] <= u:
                 number += 1
-            rest = mean - whole
-            below = cumulative[whole, number - 1] if number > 0 else 0.0
-            u = (u - below) / (cumulative[whole, number] - below)
-            probability = math.exp(-rest)
-            reached = probability
-            more = 0
-            while reached <= u and probability > 0.0:
-                more += 1
-                probability *= rest / more
-                reached += probability
-            numbers[row, column] = number + more
+            rest = mean - entry / _STEPS
+            below = cumulative[entry, number - 1] if number > 0 else 0.0
+            share = cumulative[entry, number] - below
+            # No more come with probability exp(-rest), which is above 1 - rest.
+            if u - below > share * (1.0 - rest):
+                number += more_numbers((u - below) / share, rest)
+            numbers[row, column] = number
     return large
 
 
+@kernel
+def more_numbers(u: float, mean: float) -> int:
+    """Invert the distribution function of a Poisson number of small mean at `u`."""
+    probability = math.exp(-mean)
+    reached = probability
+    number = 0
+    while reached <= u and probability > 0.0:
+        number += 1
+        probability *= mean / number
+        reached += probability
+    return number
+
+
 @functools.cache
-def _tables() -> tuple[Floats, NDArray[np.int64]]:
-    means = np.arange(LARGEST_MEAN)
+def _tables() -> tuple[Floats, NDArray[np.uint8]]:
+    means = np.arange(LARGEST_MEAN * _STEPS) / _STEPS
     # Above four times the largest mean lies less than 1e-60.
-    cumulative = pdtr(np.arange(4 * LARGEST_MEAN), means[:, np.newaxis].astype(np.float64))
+    cumulative = pdtr(np.arange(4 * LARGEST_MEAN), means[:, np.newaxis])
     # A uniform number is below 1, so that a search always ends.
     cumulative[:, -1] = 1.0
     starts = np.arange(_GUIDES) / _GUIDES
     guides = np.stack([np.searchsorted(row, starts, side="right") for row in cumulative])
-    return np.ascontiguousarray(cumulative), guides.astype(np.int64)
+    return np.ascontiguousarray(cumulative), guides.astype(np.uint8)

@@ -98,6 +98,12 @@ def test_every_mistake_is_told_at_once():
         ('[film]\n[psf]\nmodel = "airy"\ndefocus_nm = 3\n', "belongs to the model gaussian"),
         ('[film]\n[camera]\ncamera_maps = "a.npz"\n[pixel_maps]\n', "keep one of them"),
         ("[film]\n[voltage]\ntimes_s = [1]\n[[rotors]]\n", "do not begin with 0"),
+        ("[film]\n[[rotors]]\n[voltage]\nsample_hz = 1000\n", "give at least 2000"),
+        (
+            "[film]\nexposure_s = 1e-4\n[[rotors]]\n[voltage]\nsample_hz = 1e4\n",
+            "the trigger is high for 0.0001 s a frame",
+        ),
+        ("[film]\n[dropped]\nframes = [4, 0]\n", "frame 0 cannot be lost"),
     ],
 )
 def test_what_contradicts_itself(text, words):

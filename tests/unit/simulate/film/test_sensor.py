@@ -6,6 +6,8 @@ import threading
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import stats
 
 from rotortrack.cameras.maps import write_maps
@@ -32,7 +34,9 @@ def sensor(shape=(64, 64), seed=7, options=None, **effects):
     return Sensor(options or SensorOptions(), *shape, seed, **effects)
 
 
-@pytest.mark.parametrize("mean", [0.01, 0.5, 1.0, 2.7, 9.99, 30.0, 63.6, 64.0, 1e3])
+@pytest.mark.parametrize(
+    "mean", [1e-5, 0.01, 0.1249, 0.5, 1.0, 2.7, 9.99, 10.0, 30.0, 63.99, 64.0, 1e3, 1e5]
+)
 def test_electrons_are_poisson_distributed(mean):
     values = drawn(mean)
     law = stats.poisson(mean)
@@ -43,6 +47,31 @@ def test_electrons_are_poisson_distributed(mean):
     counts = np.diff([0, *np.searchsorted(np.sort(values), edges, side="right"), values.size])
     expected = values.size * np.diff([0.0, *law.cdf(edges), 1.0])
     assert stats.chisquare(counts, expected).pvalue > ALPHA
+
+
+def test_electrons_keep_their_law_where_every_pixel_has_a_mean_of_its_own():
+    means = np.random.default_rng(8).uniform(0.0, 70.0, (500, 400))
+    means[::7] = 0.3
+    electrons = np.empty(means.shape)
+    draw_electrons(means, np.random.default_rng(9), electrons)
+    # A random place between the steps of the distribution function is uniform.
+    part = np.random.default_rng(10).random(means.shape)
+    law = stats.poisson(means)
+    place = law.cdf(electrons - 1.0) + part * law.pmf(electrons)
+    assert stats.kstest(place.ravel(), "uniform").pvalue > ALPHA
+    assert stats.kstest(place[::7].ravel(), "uniform").pvalue > ALPHA
+    assert abs(np.corrcoef(place[:, 1:].ravel(), place[:, :-1].ravel())[0, 1]) < 4.0 / 440
+
+
+@settings(max_examples=30, deadline=None)
+@given(mean=st.floats(0.0, 63.0), more=st.floats(0.0, 0.9), seed=st.integers(0, 99))
+def test_a_little_more_light_gives_no_other_noise(mean, more, seed):
+    pair = [
+        drawn(light, n=2000, seed=seed) if light else np.zeros(2000)
+        for light in (mean, mean + more)
+    ]
+    # Electrons of a film with a little more light are mostly those of the film without.
+    assert np.mean(pair[1] != pair[0]) < 2.0 * more + 0.05
 
 
 def test_no_light_gives_no_electrons_and_much_light_as_many_as_it_should():
