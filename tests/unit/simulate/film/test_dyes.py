@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -185,18 +185,22 @@ def test_blinking_is_remembered_from_frame_to_frame():
         assert products.mean() == pytest.approx(expected, abs=5.0 * error)
 
 
-@pytest.mark.parametrize("end", range(4))
-def test_shares_of_exposures_are_averages_of_instants(end):
-    effects = {"dyes": DyesOptions(counts=(4, 1)), "bleaching": BLEACHING, "blinking": BLINKING}
-    frames, finer = 60, 500
-    exposure_s = 0.5 * T
-    exposed = light_of(frames, rotor=end, exposure_s=exposure_s, **effects)
-    fine_s = T / finer
-    instants = light_of(frames * finer, rotor=end, exposure_s=0.0, interval_s=fine_s, **effects)
-    inside = [values.reshape(frames, finer)[:, : finer // 2] for values in instants]
-    np.testing.assert_allclose(exposed[0], inside[0].mean(axis=1), atol=4 * PHOTONS / finer)
-    moments = (inside[0] * inside[1]).mean(axis=1)
-    np.testing.assert_allclose(exposed[0] * exposed[1], moments, atol=4 * 20.0 * PHOTONS / finer)
+@pytest.mark.parametrize("rotor", range(4))
+def test_shares_of_exposures_are_averages_of_instants(rotor):
+    effects = {"dyes": DyesOptions(), "bleaching": BLEACHING, "blinking": BLINKING}
+    # Long exposures, within which many dyes first go dark for a while and then for ever.
+    frames, finer, interval_s = 25, 500, 5.0 * T
+    exposed = light_of(
+        frames, rotor=rotor, interval_s=interval_s, exposure_s=0.5 * interval_s, **effects
+    )
+    instants = light_of(
+        frames * finer, rotor=rotor, interval_s=interval_s / finer, exposure_s=0.0, **effects
+    )
+    photons, offset_nm = (values.reshape(frames, finer)[:, : finer // 2] for values in instants)
+    # An edge in each dye's exposure is wrong by half an instant: 0.1 photons of 50.
+    np.testing.assert_allclose(exposed[0], photons.mean(axis=1), atol=2.0)
+    moments = (photons * offset_nm).mean(axis=1)
+    np.testing.assert_allclose(exposed[0] * exposed[1], moments, atol=2.0 * 20.0)
 
 
 @pytest.mark.parametrize("rotor", range(5))
@@ -219,17 +223,19 @@ def test_a_row_that_is_read_later_sees_the_same_dyes_later():
 
 
 @settings(max_examples=40)
+@example(cuts=list(range(1, 120)), end=0, exposure_s=T, bleaching=BLEACHING, blinking=BLINKING)
 @given(
     cuts=st.lists(st.integers(1, 119), max_size=12, unique=True),
+    end=st.integers(0, 1),
     exposure_s=st.sampled_from([0.0, 0.3 * T, T]),
     bleaching=st.sampled_from([None, BLEACHING]),
     blinking=st.sampled_from([None, BLINKING]),
 )
-def test_blocks_do_not_change_a_bit(cuts, exposure_s, bleaching, blinking):
+def test_blocks_do_not_change_a_bit(cuts, end, exposure_s, bleaching, blinking):
     clock = Clock(120, T, exposure_s)
 
     def dyes():
-        return Dyes(3, 1, PHOTONS, clock, 7, dyes=DYES, bleaching=bleaching, blinking=blinking)
+        return Dyes(3, end, PHOTONS, clock, 7, dyes=DYES, bleaching=bleaching, blinking=blinking)
 
     piecewise = dyes()
     pieces = [

@@ -126,6 +126,14 @@ def test_blur_leaves_rods_where_they_are():
         np.testing.assert_allclose(blurred_y_nm, y_nm, atol=0.5)
 
 
+def test_a_flow_moves_rods_by_half_an_exposure_until_its_middle():
+    flow = {"count": 3, "diffusion_um2_s": 1e-15, "flow_um_s": (100.0, 0.0)}
+    sharp, blurred = (rods_of(20, exposure_s, **flow).advance(20) for exposure_s in (0.0, T))
+    for one, other in zip(sharp, blurred, strict=True):
+        np.testing.assert_allclose(other[0].mean(axis=1) - one[0][:, 0], 100e3 * T / 2, atol=0.1)
+        np.testing.assert_allclose(other[1].mean(axis=1), one[1][:, 0], atol=0.1)
+
+
 @settings(max_examples=30)
 @given(
     cuts=st.lists(st.integers(1, 99), max_size=10, unique=True),
