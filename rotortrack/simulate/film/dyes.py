@@ -26,7 +26,7 @@ class Dyes:
     rotor, end
         Numbers of the rotor and of its end; they name the random streams.
     photons
-        Of a fully labelled end a frame, on average.
+        Of a fully labelled end a frame, every dye lit; with spread, on average over ends.
     clock
         When frames are exposed.
     seed
@@ -62,23 +62,18 @@ class Dyes:
         self._light = np.full(count, photons / count)
         self._along_nm: Floats | None = None
         if dyes is not None:
-            rng = stream(seed, Effect.LABELS, rotor, end)
-            present = rng.random(count) < dyes.labelled
-            bright = np.ones(count)
-            if dyes.spread:
-                bright = rng.gamma(1.0 / dyes.spread**2, dyes.spread**2, count)
-            self._light *= present * bright
+            self._light *= _brightness(dyes, count, seed, rotor, end)
             self._along_nm = dyes.lengths_nm[end] * ((np.arange(count) + 0.5) / count - 0.5)
-        self._dark_from_s = np.full(count, math.inf)
+        self._bleached_s = np.full(count, math.inf)
         if bleaching is not None:
             rng = stream(seed, Effect.BLEACHING, rotor, end)
-            self._dark_from_s = lit_from_s + rng.exponential(bleaching.lifetime_s, count)
-        self._blinks: list[_Blinks] = []
+            self._bleached_s = lit_from_s + rng.exponential(bleaching.lifetime_s, count)
+        self._blinks: dict[int, _Blinks] = {}
         if blinking is not None:
-            self._blinks = [
-                _Blinks(blinking, stream(seed, Effect.BLINKING, rotor, end, dye))
-                for dye in range(count)
-            ]
+            self._blinks = {
+                dye: _Blinks(blinking, stream(seed, Effect.BLINKING, rotor, end, dye))
+                for dye in np.flatnonzero(self._light).tolist()
+            }
         self._steady = bleaching is None and blinking is None
 
     def advance(self, n: int) -> tuple[Floats, Floats | None]:
@@ -93,31 +88,48 @@ class Dyes:
             How far towards the rod's tip the lit dyes' middle is from that of all places, of the
             same shape; None without places.
         """
-        light = self._light[np.newaxis] if self._steady else self._light * self._shares(n).T
+        light = self._light[:, np.newaxis]
+        if not self._steady:
+            light = light * self._shares(n)
         self._frame += n
-        photons: Floats = light.sum(axis=1)
+        photons = _sum(light)
         if self._along_nm is None:
             return photons, None
-        moments = (light * self._along_nm).sum(axis=1)
+        moments = _sum(light * self._along_nm[:, np.newaxis])
         return photons, np.divide(moments, photons, out=np.zeros_like(photons), where=photons > 0.0)
 
     def _shares(self, n: int) -> Floats:
         """Part of each exposure for which each dye is lit, shape (dyes, n)."""
-        clock = self._clock
-        frames = np.arange(self._frame, self._frame + n)
-        begin_s = frames.astype(np.float64) * clock.frame_interval_s + self._delay_s
+        period_s = self._clock.frame_interval_s
+        begin_s = np.arange(self._frame, self._frame + n) * period_s + self._delay_s
         shares = np.ones((self._light.size, n))
-        over_s = begin_s[-1] + clock.frame_interval_s
-        for dye, blinks in enumerate(self._blinks):
-            for dark_s, lit_s in blinks.until(over_s):
-                shares[dye] -= _overlap(begin_s, clock.exposure_s, dark_s, lit_s)
-        for dye, dark_s in enumerate(self._dark_from_s.tolist()):
-            if dark_s >= over_s:
-                continue
-            before = 1.0 - _overlap(begin_s, clock.exposure_s, dark_s, math.inf)
-            # Which part of an exposure was lit by chance does not matter to its mean.
-            shares[dye] *= before
-        return np.clip(shares, 0.0, 1.0)
+        dark = self._dark_times(begin_s[0], begin_s[-1] + period_s)
+        if not dark:
+            return shares
+        dyes, from_s, to_s = (np.array(column) for column in zip(*dark, strict=True))
+        # Only the frames that a dark time meets are looked at, and one more at either end.
+        first = np.clip(np.floor((from_s - begin_s[0]) / period_s) - 1.0, 0, n).astype(np.int64)
+        last = np.clip(np.floor((to_s - begin_s[0]) / period_s) + 2.0, 0, n).astype(np.int64)
+        counts = last - first
+        time = np.repeat(np.arange(counts.size), counts)
+        frame = np.arange(time.size) - np.repeat(np.cumsum(counts) - counts - first, counts)
+        lost = _overlap(begin_s[frame], self._clock.exposure_s, from_s[time], to_s[time])
+        np.subtract.at(shares, (dyes[time], frame), lost)
+        return np.maximum(shares, 0.0)
+
+    def _dark_times(self, since_s: float, until_s: float) -> list[tuple[int, float, float]]:
+        """List dye, beginning and end of dark times between two times, apart from one another."""
+        found = []
+        for dye, bleached_s in enumerate(self._bleached_s.tolist()):
+            if dye in self._blinks and bleached_s > since_s:
+                found += [
+                    (dye, dark_s, min(lit_s, bleached_s))
+                    for dark_s, lit_s in self._blinks[dye].until(until_s)
+                    if dark_s < bleached_s
+                ]
+            if bleached_s < until_s:
+                found.append((dye, bleached_s, math.inf))
+        return found
 
 
 class _Blinks:
@@ -142,11 +154,29 @@ class _Blinks:
         return found
 
 
-def _overlap(begin_s: Floats, exposure_s: float, from_s: float, to_s: float) -> Floats:
-    """Part of each exposure that lies between two times."""
+def _brightness(dyes: DyesOptions, count: int, seed: int, rotor: int, end: int) -> Floats:
+    """Draw how bright the dye of each place is, 0 where there is none and 1 on average."""
+    bright = np.ones(count)
+    if dyes.labelled < 1.0 or dyes.spread:
+        rng = stream(seed, Effect.LABELS, rotor, end)
+        present = rng.random(count) < dyes.labelled
+        if dyes.spread:
+            bright = rng.gamma(1.0 / dyes.spread**2, dyes.spread**2, count)
+        bright *= present
+    return bright
+
+
+def _sum(values: Floats) -> Floats:
+    """Add up over the first axis, in an order that does not depend on how many frames there are."""
+    total: Floats = np.cumsum(values, axis=0)[-1]
+    return total
+
+
+def _overlap(begin_s: Floats, exposure_s: float, from_s: Floats, to_s: Floats) -> Floats:
+    """Part of each exposure that lies between two times; exactly 1 where all of it does."""
     if exposure_s == 0.0:
         return np.where((begin_s >= from_s) & (begin_s < to_s), 1.0, 0.0)
-    lasts = np.minimum(begin_s + exposure_s, to_s) - np.maximum(begin_s, from_s)
-    # Late in a film an exposure is not quite the difference of its ends.
-    whole = (begin_s >= from_s) & (begin_s + exposure_s <= to_s)
-    return np.where(whole, 1.0, np.maximum(lasts, 0.0) / exposure_s)
+    share: Floats = (
+        np.clip(to_s - begin_s, 0.0, exposure_s) - np.clip(from_s - begin_s, 0.0, exposure_s)
+    ) / exposure_s
+    return share

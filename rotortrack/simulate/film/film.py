@@ -221,7 +221,9 @@ class Film:
             # What moves slowly has few parts, too few for the vibration.
             finer = self._vibration_parts // x_nm.shape[1] + 1
             x_nm, y_nm = np.repeat(x_nm, finer, axis=1), np.repeat(y_nm, finer, axis=1)
-            moved = self._equipment.stage.vibration_nm(self._times_s(first, n, x_nm.shape[1]))
+            moved = self._equipment.stage.vibration_nm(
+                self._times_s(first, n, x_nm.shape[1]), self.clock.exposure_s / x_nm.shape[1]
+            )
             assert moved is not None
             x_nm, y_nm = x_nm + moved[0], y_nm + moved[1]
         if self.scene.laser is not None:

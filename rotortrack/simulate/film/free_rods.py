@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from rotortrack.simulate.film.wander import Brownian, Streams
 Floats = NDArray[np.float64]
 
 _PART_NM = 60.0
-"""Rms way within a part of an exposure: half a spot's width."""
+"""Rms way along an axis within a part of an exposure: half a spot's width."""
 
 _MOST_PARTS = 50
 _AROUND_NM = 2000.0
@@ -51,9 +50,8 @@ class FreeRods:
         self._size_nm = tuple(side * pixel_size_nm + 2.0 * _AROUND_NM for side in shape_px[::-1])
         self._flow_nm_s = tuple(1e3 * speed for speed in options.flow_um_s)
         diffusion = 1e6 * options.diffusion_um2_s
-        way_nm = math.sqrt(2.0 * diffusion * clock.exposure_s)
-        way_nm = math.hypot(way_nm, math.hypot(*self._flow_nm_s) * clock.exposure_s)
-        parts = min(max(math.ceil((way_nm / _PART_NM) ** 2), 1), _MOST_PARTS)
+        way_nm = math.hypot(*self._flow_nm_s) * clock.exposure_s
+        parts = _parts(way_nm, 2.0 * diffusion * clock.exposure_s)
         self._segments = Segments(clock, parts, (0.0,))
         self._frame = 0
         self._rods = []
@@ -71,11 +69,12 @@ class FreeRods:
             ]
             self._rods.append((place, photons, walks))
 
-    def advance(self, n: int) -> Iterator[tuple[Floats, Floats, Floats]]:
+    def advance(self, n: int) -> list[tuple[Floats, Floats, Floats]]:
         """Give x_nm and y_nm, (n, parts), and photons, (1,), of each rod in the next n frames."""
         begin_s = self._segments.begin_s(self._frame, n)
         middle_s = begin_s + 0.5 * self._segments.length_s
         self._frame += n
+        rods = []
         for place, photons, walks in self._rods:
             where = []
             for axis, walk in enumerate(walks):
@@ -84,4 +83,12 @@ class FreeRods:
                 # The whole exposure goes round at once, so that no spot is torn.
                 turns = np.floor(path.mean(axis=1, keepdims=True) / self._size_nm[axis])
                 where.append(path - turns * self._size_nm[axis] - _AROUND_NM)
-            yield where[0], where[1], np.array([photons])
+            rods.append((where[0], where[1], np.array([photons])))
+        return rods
+
+
+def _parts(way_nm: float, spread_nm2: float) -> int:
+    """Return the least n with (way / n)^2 + spread / n <= `_PART_NM` squared, if not too many."""
+    half = 0.5 * spread_nm2
+    parts = math.ceil((half + math.hypot(half, _PART_NM * way_nm)) / _PART_NM**2)
+    return min(max(parts, 1), _MOST_PARTS)

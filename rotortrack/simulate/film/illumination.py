@@ -45,12 +45,13 @@ def background_image(
     """Give the background of every pixel, photons a frame, shape `shape_px`.
 
     The texture is a Gaussian random field whose correlation at distance r is
-    exp(-r^2 / (2 length^2)).
+    exp(-r^2 / (2 length^2)), and whose variance is that of many fields: one with few lengths may
+    have less.
 
     Raises
     ------
     ConfigurationError
-        Gradient and texture make some pixels negative.
+        Gradient and texture make some pixels negative, or the texture is coarser than the field.
     """
     height, width = shape_px
     relative = np.ones(shape_px)
@@ -60,6 +61,11 @@ def background_image(
         relative += across * ((columns + 0.5) / width - 0.5) + down * ((rows + 0.5) / height - 0.5)
     if options.texture:
         length_px = options.texture_length_nm / pixel_size_nm
+        if length_px > max(shape_px):
+            raise ConfigurationError(
+                f"[background] texture_length_nm of {options.texture_length_nm:g} is longer than "
+                f"the field of {max(shape_px) * pixel_size_nm:.0f} nm: lower it, or use gradient"
+            )
         relative += options.texture * _texture(shape_px, length_px, seed)
     if relative.min() < 0.0:
         raise ConfigurationError(
@@ -70,12 +76,14 @@ def background_image(
 
 
 class Flicker:
-    """The illumination's brightness in each frame, 1 on average.
+    """The illumination's brightness averaged over each exposure, 1 on average.
 
     Parameters
     ----------
     options
-        Relative standard deviation and correlation time.
+        Relative standard deviation and correlation time: of an Ornstein-Uhlenbeck process, which an
+        exposure longer than the time evens out; with time 0 of the average itself, anew in each
+        frame.
     clock
         When frames are exposed.
     seed
@@ -84,15 +92,22 @@ class Flicker:
 
     def __init__(self, options: FlickerOptions, clock: Clock, seed: int) -> None:
         self._sd = options.sd
-        self._rng = stream(seed, Effect.FLICKER)
         self._slow = None
-        if options.time_s and options.sd:
-            periods = np.array([clock.frame_interval_s])
-            rate = options.sd**2 / options.time_s
-            self._slow = Wobble(options.sd, rate, periods, Streams.of(seed, Effect.FLICKER))
+        if options.sd and options.time_s:
+            dead_s = max(clock.frame_interval_s - clock.exposure_s, 0.0)
+            self._slow = Wobble(
+                options.sd,
+                options.sd**2 / options.time_s,
+                np.array([clock.exposure_s, dead_s]),
+                Streams.of(seed, Effect.FLICKER),
+            )
+        elif options.sd:
+            self._rng = stream(seed, Effect.FLICKER)
 
     def advance(self, n: int) -> Floats:
         """Give the factors of the next n frames, shape (n,), never negative."""
+        if not self._sd:
+            return np.ones(n)
         if self._slow is None:
             swing = self._sd * self._rng.standard_normal(n)
         else:
@@ -103,14 +118,17 @@ class Flicker:
 def _texture(shape_px: tuple[int, int], length_px: float, seed: int) -> Floats:
     """Draw a Gaussian random field of mean 0 and variance 1."""
     # Wider than the field by five lengths, as what is filtered is periodic.
-    padded = [fft.next_fast_len(side + math.ceil(5.0 * length_px)) for side in shape_px]
-    noise = stream(seed, Effect.TEXTURE).standard_normal(padded)
-    squares = [
-        np.square(2.0 * math.pi * fft.fftfreq(side) * length_px).reshape(shape)
-        for side, shape in zip(padded, ((-1, 1), (1, -1)), strict=True)
-    ]
-    # The square root of the power of a Gaussian correlation of that length.
-    filtered = np.exp(-0.25 * (squares[0] + squares[1]))
-    filtered /= math.sqrt(float(np.mean(filtered**2)))
-    field: Floats = fft.ifft2(fft.fft2(noise) * filtered).real[: shape_px[0], : shape_px[1]]
+    padded = [fft.next_fast_len(side + math.ceil(5.0 * length_px), real=True) for side in shape_px]
+    down, across = (_amplitudes(side, length_px) for side in padded)
+    noise = fft.rfft2(stream(seed, Effect.TEXTURE).standard_normal(padded))
+    noise *= down[:, np.newaxis] * across[: noise.shape[1]]
+    field: Floats = fft.irfft2(noise, s=padded)[: shape_px[0], : shape_px[1]]
     return field
+
+
+def _amplitudes(side: int, length_px: float) -> Floats:
+    """Give the filter, of each frequency, that makes white noise of variance 1 correlated."""
+    lag_px = np.minimum(np.arange(side), side - np.arange(side))
+    power = fft.fft(np.exp(-0.5 * (lag_px / length_px) ** 2)).real
+    amplitudes: Floats = np.sqrt(np.maximum(power, 0.0))
+    return amplitudes

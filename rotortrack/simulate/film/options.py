@@ -169,7 +169,11 @@ class FlickerOptions(Options):
     """The illumination's brightness in time."""
 
     sd: float = option(0.02, "relative standard deviation", ge=0, le=0.3)
-    time_s: float = option(0.0, "correlation time; 0: new in each frame", ge=0)
+    time_s: float = option(
+        0.0,
+        "correlation time, averaged over each exposure; 0: a new brightness in each frame",
+        ge=0,
+    )
 
 
 @dataclass(frozen=True)
@@ -321,7 +325,7 @@ class FiducialsOptions(Options):
 class FreeRodsOptions(Options):
     """Rods that drift by without docking."""
 
-    count: int = option(5, "how many at any time", gt=0)
+    count: int = option(5, "how many at any time, in the field and 2 um around it", gt=0)
     photons: Numbers = option((300.0, 1000.0), "photons a frame", gt=0, check=_range)
     diffusion_um2_s: float = option(3.0, "translational diffusion coefficient", gt=0)
     flow_um_s: tuple[float, ...] = option((0.0, 0.0), "drift velocity, x and y", check=_pair)

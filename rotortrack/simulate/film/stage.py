@@ -17,6 +17,9 @@ from rotortrack.tables import DRIFT
 
 Floats = NDArray[np.float64]
 
+_SAME = 1e-9
+"""Times closer than this part of a frame interval are one."""
+
 
 class Stage:
     """Where the stage is, given frame after frame.
@@ -67,7 +70,8 @@ class Stage:
         even = frames[:, np.newaxis] / max(clock.n_frames - 1, 1)
         moved: Floats = even * np.array(drift.total_nm)
         if any(drift.step_nm):
-            late = frames * clock.frame_interval_s >= drift.step_s
+            # A step at the beginning of a frame is in it, whatever the division makes of it.
+            late = frames >= drift.step_s / clock.frame_interval_s - _SAME
             moved += late[:, np.newaxis] * np.array(drift.step_nm)
         if drift.walk_nm:
             steps = drift.walk_nm * self._rng.standard_normal((n, 2))
@@ -78,15 +82,17 @@ class Stage:
             moved += self._table[first : first + n]
         return moved
 
-    def vibration_nm(self, times_s: Floats) -> tuple[Floats, Floats] | None:
-        """Give the vibration (x, y) at some times, nm, each of the shape of the times.
+    def vibration_nm(self, times_s: Floats, lasts_s: float = 0.0) -> tuple[Floats, Floats] | None:
+        """Give the vibration (x, y), nm, each of the shape of the times; None without one.
 
-        None without one. It is a sine that begins at time 0; y points down.
+        It is a sine that begins at time 0, averaged over a time `lasts_s` about each of the times;
+        y points down.
         """
         vibration = self._vibration
         if vibration is None:
             return None
-        swing = vibration.amplitude_nm * np.sin(2.0 * math.pi * vibration.frequency_hz * times_s)
+        amplitude_nm = vibration.amplitude_nm * float(np.sinc(vibration.frequency_hz * lasts_s))
+        swing = amplitude_nm * np.sin(2.0 * math.pi * vibration.frequency_hz * times_s)
         direction = math.radians(vibration.direction_deg)
         return swing * math.cos(direction), -swing * math.sin(direction)
 
@@ -94,6 +100,11 @@ class Stage:
 def _read_drift(path: Path, n_frames: int) -> Floats:
     """Read dx and dy of every frame, shape (n_frames, 2)."""
     table = read_csv(path, DRIFT).set_index("frame")
+    twice = table.index[table.index.duplicated()]
+    if twice.size:
+        raise ConfigurationError(
+            f"[drift] table {path} tells frame {twice[0]} twice: give one row a frame"
+        )
     missing = np.setdiff1d(np.arange(n_frames), table.index)
     if missing.size:
         raise ConfigurationError(
@@ -101,4 +112,9 @@ def _read_drift(path: Path, n_frames: int) -> Floats:
             "frames are missing): give one row a frame"
         )
     moved: Floats = table.loc[np.arange(n_frames), ["dx_nm", "dy_nm"]].to_numpy(np.float64)
+    unknown = np.flatnonzero(~np.isfinite(moved).all(axis=1))
+    if unknown.size:
+        raise ConfigurationError(
+            f"[drift] table {path} has no finite dx_nm and dy_nm in frame {unknown[0]}: give nm"
+        )
     return moved
