@@ -18,11 +18,11 @@ _EXACT_NM = 1e-9
 class Split:
     """The second colour's optics.
 
-    A place of the first colour's half is mirrored where the scene says so, magnified, turned,
-    sheared and shifted about the middle of the half, then distorted: radially by
-    `radial_nm` (rho / rho_edge)^3, with the edge in the middle of the longer sides, and as a
-    keystone by `keystone_nm` x y / (half width half height) along x. Last it is moved to the second
-    half of the sensor.
+    A place of the first colour's half is mirrored where the scene says so, sheared, turned and
+    magnified about the middle of the half. There its image is distorted: radially outwards by
+    `radial_nm` (rho / rho_edge)^3, with rho_edge half of the longer side, and as a keystone by
+    `keystone_nm` x y / (half width half height) along x. Last it is shifted and moved to the
+    second half of the sensor.
 
     Parameters
     ----------
@@ -75,24 +75,26 @@ class Split:
         shift_x, shift_y = self._options.shift_nm
         x = back[0, 0] * (u - shift_x) + back[0, 1] * (v - shift_y)
         y = back[1, 0] * (u - shift_x) + back[1, 1] * (v - shift_y)
-        for _ in range(_ROUNDS):
-            there = self._distorted(x, y)
-            off_u, off_v = u - there[0], v - there[1]
-            x = x + back[0, 0] * off_u + back[0, 1] * off_v
-            y = y + back[1, 0] * off_u + back[1, 1] * off_v
-            if max(np.abs(off_u).max(initial=0.0), np.abs(off_v).max(initial=0.0)) < _EXACT_NM:
-                return x + self._middle[0], y + self._middle[1]
+        # What diverges does so to infinity.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(_ROUNDS):
+                there = self._distorted(x, y)
+                off_u, off_v = u - there[0], v - there[1]
+                x = x + back[0, 0] * off_u + back[0, 1] * off_v
+                y = y + back[1, 0] * off_u + back[1, 1] * off_v
+                if max(np.abs(off_u).max(initial=0.0), np.abs(off_v).max(initial=0.0)) < _EXACT_NM:
+                    return x + self._middle[0], y + self._middle[1]
         raise ArithmeticError("the distortion of [split] is too strong to be undone")
 
     def _distorted(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Map places about the middle of the half."""
         options, linear = self._options, self._linear
-        u = linear[0, 0] * x + linear[0, 1] * y + options.shift_nm[0]
-        v = linear[1, 0] * x + linear[1, 1] * y + options.shift_nm[1]
+        p = linear[0, 0] * x + linear[0, 1] * y
+        q = linear[1, 0] * x + linear[1, 1] * y
+        u, v = p + options.shift_nm[0], q + options.shift_nm[1]
         if options.radial_nm:
-            square = (x**2 + y**2) / self._edge**2
-            u = u + options.radial_nm * square * x / self._edge
-            v = v + options.radial_nm * square * y / self._edge
+            outwards = options.radial_nm * (p**2 + q**2) / self._edge**3
+            u, v = u + outwards * p, v + outwards * q
         if options.keystone_nm:
-            u = u + options.keystone_nm * x * y / (self._middle[0] * self._middle[1])
+            u = u + options.keystone_nm * p * q / (self._middle[0] * self._middle[1])
         return u, v
