@@ -98,7 +98,7 @@ def test_voltage_changes_at_the_time_of_the_film(tmp_path):
     time_s, _, voltage_v = trace(tmp_path / "daq.csv", options)
     steps = voltage_steps(time_s, voltage_v, min_step_s=0.1)
     np.testing.assert_allclose(steps.voltage_v, [0.05, 0.1], atol=1e-4)
-    assert steps.stop_s[0] <= LEAD_S + 0.8 <= steps.start_s[1]
+    assert steps.stop_s[0] - 1e-9 <= LEAD_S + 0.8 <= steps.start_s[1] + 1e-9
     assert steps.start_s[1] - steps.stop_s[0] < 0.1
 
 
