@@ -33,10 +33,10 @@ def make(path: Path, gigabytes: float) -> None:
     """Write a film of 60 rotors over and over until the file is long enough."""
     import numpy as np
 
+    from rotortrack.cameras.camera import Camera
     from rotortrack.movies.write import write_movie
     from rotortrack.simulate.ideal_examples import example_scene
     from rotortrack.simulate.ideal_film import film
-    from rotortrack.simulate.sample import SAMPLE_CAMERA
 
     scene = example_scene(
         ("driven", "driven", "brownian") * 20,
@@ -45,7 +45,8 @@ def make(path: Path, gigabytes: float) -> None:
         n_frames=FILMED,
         separation_nm=3000.0,
     )
-    frames = np.concatenate(list(film(scene, SAMPLE_CAMERA, np.random.default_rng(8)).blocks()))
+    camera = Camera(offset_adu=100.0, gain_e_per_adu=1.5, read_noise_e=1.4)
+    frames = np.concatenate(list(film(scene, camera, np.random.default_rng(8)).blocks()))
     count = max(FILMED, int(gigabytes * 1e9 / frames[0].nbytes))
 
     def repeated() -> Iterator[np.ndarray]:

@@ -52,6 +52,14 @@ def write_trace(path, *, edges=FRAMES, period_s=FRAME_S, separator=",", missing=
     return path
 
 
+def test_the_trace_of_the_sample_gives_both_voltages_their_speeds(run_folder, capfd):
+    assert call("motion", run_folder, "--daq", ROTORS / "daq.csv", "--no-figures") == 0
+    assert "from 0.05 V to 0.1 V" in capfd.readouterr().out.replace("\n" + " " * 18, " ")
+    voltages = pd.read_parquet(run_folder / "voltages.parquet")
+    assert voltages["frame"].tolist() == list(range(FRAMES))
+    assert voltages["voltage_v"].iloc[[0, -1]].tolist() == pytest.approx([0.05, 0.1], abs=4e-4)
+
+
 @pytest.mark.parametrize("separator", [",", ";"])
 def test_frames_get_voltages_and_rotors_speeds_at_each(run_folder, tmp_path, capfd, separator):
     trace = write_trace(tmp_path / "trace.csv", separator=separator)
@@ -66,9 +74,19 @@ def test_frames_get_voltages_and_rotors_speeds_at_each(run_folder, tmp_path, cap
     rotors = pd.read_csv(run_folder / "rotors.csv").set_index("rotor")
     kept = rotors.index[rotors["verdict"] == "kept"]
     assert speeds.groupby("rotor").size().to_dict() == dict.fromkeys(kept, 2)
-    # The sample's rotors do not change: both halves agree with the whole.
-    away = speeds["omega_rad_s"] - rotors["omega_rad_s"].loc[speeds["rotor"]].to_numpy()
-    assert np.abs(away / speeds["omega_sd_rad_s"]).max() < 3.5
+    # The sample's driven rotors turn half as fast before the switch.
+    truth = pd.read_csv(ROTORS / "truth" / "rotors.csv")
+    driven = 0
+    for number, pair in speeds.groupby("rotor"):
+        found = rotors.loc[number]
+        away_nm = np.hypot(truth["x_nm"] - found["x_nm"], truth["y_nm"] - found["y_nm"])
+        rotor = truth.loc[away_nm.idxmin()]
+        if rotor["motion"] == "driven":
+            expected = rotor["omega_rad_s"] * np.array([0.5, 1.0])
+            away = (pair["omega_rad_s"] - expected) / pair["omega_sd_rad_s"]
+            assert np.abs(away).max() < 3.5
+            driven += 1
+    assert driven == 5
     assert (run_folder / "figures" / "voltage.png").read_bytes().startswith(b"\x89PNG")
     manifest = json.loads((run_folder / "run.json").read_text())
     assert {"voltages", "voltage_speeds", "switches"} <= set(manifest["tables"])

@@ -95,7 +95,7 @@ def test_a_table_is_shown_and_its_json_complete(call: Callable[..., Any]) -> Non
     assert any(line.split()[:2] == ["x_nm", "nm"] for line in shown.out.splitlines())
     told = call("info", path, "--json").json
     assert (told["kind"], told["rows"], told["frames_with_rows"]) == ("table", 12800, 1600)
-    assert told["info"]["provenance"]["seed"] == 2024
+    assert told["info"]["provenance"]["made_by"] == "rotortrack simulate film"
     assert {"name", "unit", "least", "largest", "missing"} <= set(told["columns"][0])
 
 

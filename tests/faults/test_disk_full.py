@@ -203,7 +203,7 @@ def test_single_tables(
     assert {path.name for path in folder.iterdir()} == set(whole)
 
 
-@pytest.mark.parametrize("name", ["movie.tif", "config.toml", "spots.parquet", "rotors.csv"])
+@pytest.mark.parametrize("name", ["movie.tif", "spots.parquet", "rotors.csv", "daq.csv"])
 @SLOW
 def test_sample(bench: Any, runs: ModuleType, name: str, tmp_path: Path) -> None:
     folder = tmp_path / "sample"

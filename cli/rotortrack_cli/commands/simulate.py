@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from rotortrack.errors import UsageError
-from rotortrack.settings import Layer
-from rotortrack.simulate.rod.options import PRESETS
-from rotortrack.simulate.scene import Scene, read_scene
-from rotortrack_cli.commands.simulate_check import ANALYSES, FILMS, check_twin
-from rotortrack_cli.commands.simulate_check import check as compare
+from rotortrack.simulate.scene import Scene
+from rotortrack_cli.commands import simulate_film
 from rotortrack_cli.console import Console
-from rotortrack_cli.flags import FILE, output_flags, output_option, parse_assignments
+from rotortrack_cli.flags import FILE, output_flags, output_option
+from rotortrack_cli.scene_flags import scene_flags
 from rotortrack_cli.stage_option import StageCommand
 from rotortrack_cli.stages import Stages
 
@@ -26,8 +23,6 @@ if TYPE_CHECKING:
     from rotortrack.simulate.field.table import FieldTable
     from rotortrack.simulate.rod.run import RodRun
     from rotortrack.simulate.scene_field import SceneField
-
-SAMPLE_NAMES = ("rotors", "salt", "two_colours", "fiducials")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -37,51 +32,8 @@ def command() -> None:
     """Simulate the field of a pore, rods in it, and movies of rotors."""
 
 
-def _scene_flags(*, optional: bool = False) -> Callable[[_Function], _Function]:
-    """Add the scene, given as the argument `scene`, and what changes it."""
-
-    def decorate(function: _Function) -> _Function:
-        @functools.wraps(function)
-        def call(
-            *args: Any,
-            path: Path | None,
-            preset: str | None,
-            assignments: tuple[str, ...],
-            **kwargs: Any,
-        ) -> Any:
-            values = parse_assignments(assignments)
-            layers = [Layer("--set", values)] if values else []
-            scene = None if path is None else read_scene(path, layers, preset)
-            return function(*args, scene=scene, **kwargs)
-
-        decorated: Any = call
-        argument = click.argument(
-            "path",
-            metavar="[SCENE.toml]" if optional else "SCENE.toml",
-            type=FILE,
-            required=not optional,
-        )
-        for add in reversed((argument, *_CHANGES)):
-            decorated = add(decorated)
-        return decorated  # type: ignore[no-any-return]
-
-    return decorate
-
-
-_CHANGES = (
-    click.option(
-        "--preset",
-        type=click.Choice(list(PRESETS)),
-        help="How to read what the paper leaves open; the scene's own values win.",
-    ),
-    click.option(
-        "--set",
-        "assignments",
-        multiple=True,
-        metavar="SECTION.OPTION=VALUE",
-        help="Set any option of the scene; may be repeated.",
-    ),
-)
+for _made in (simulate_film.film, simulate_film.check, simulate_film.sample):
+    command.add_command(_made)
 
 
 def _field_flags(function: _Function) -> _Function:
@@ -104,7 +56,7 @@ def _field_flags(function: _Function) -> _Function:
 
 
 @command.command("field", cls=StageCommand)
-@_scene_flags()
+@scene_flags()
 @output_option("FIELD.npz", "Where the field is written.")
 @_field_flags
 @output_flags
@@ -137,7 +89,7 @@ def field(
 
 
 @command.command("rod", cls=StageCommand)
-@_scene_flags()
+@scene_flags()
 @output_option("ROD.npz", "Where shapes and angle over time are written.")
 @_field_flags
 @click.option(
@@ -224,7 +176,7 @@ def rod(
 
 
 @command.command("scan", cls=StageCommand)
-@_scene_flags()
+@scene_flags()
 @output_option("FOLDER", "Where runs.parquet, shapes.npz and scan.json are written.")
 @_field_flags
 @click.option(
@@ -279,110 +231,6 @@ def scan(
             "output": output,
         }
     )
-
-
-@command.command("film", cls=StageCommand)
-@_scene_flags()
-@output_option("MOVIE.tif", "Where the movie is written; the truth lies beside it.")
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    help="Threads to use. The movie does not depend on it. [default: all processors]",
-)
-@output_flags
-@click.pass_obj
-def film(console: Console, scene: Scene, output: Path, workers: int | None) -> None:
-    """Film the [[rotors]] of a scene as a camera would, and write the truth beside the movie."""
-    scene.require("film")
-    if output.suffix.lower() not in (".tif", ".tiff"):
-        raise UsageError(f"{output} does not end in .tif or .ome.tif: name the movie so with -o")
-    from rotortrack.simulate.film.filming import film_scene
-
-    with Stages(console) as stages:
-        made = film_scene(scene, output, workers=workers, progress=stages)
-    console.text(
-        f"{made.frames} frames of {made.rotors} rotors in {output}, the truth in {made.truth}: "
-        f"{made.frames / made.seconds:.0f} frames/s"
-    )
-    console.text("in the scene: " + ", ".join(made.effects))
-    console.text(f"try `rotortrack run {output} -c {made.truth / 'config.toml'} -o RUN`")
-    console.json(
-        {
-            "frames": made.frames,
-            "rotors": made.rotors,
-            "effects": list(made.effects),
-            "movie": made.movie,
-            "truth": made.truth,
-            "seconds": made.seconds,
-        }
-    )
-
-
-@command.command("check", cls=StageCommand)
-@_scene_flags(optional=True)
-@output_option("FOLDER", "Where films, truths, runs and the comparison are written.")
-@click.option(
-    "--from-run",
-    "run",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="RUN",
-    help="Film rotors like those of a finished run instead of a scene, analyse them by its "
-    "options, and write error_budget.json into it.",
-)
-@FILMS
-@ANALYSES
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    help="Threads to use. The result does not depend on it. [default: all processors]",
-)
-@click.option("--no-figures", is_flag=True, help="Write numbers alone.")
-@output_flags
-@click.pass_obj
-def check(
-    console: Console,
-    scene: Scene | None,
-    output: Path,
-    run: Path | None,
-    films: int,
-    presets: tuple[str, ...],
-    workers: int | None,
-    no_figures: bool,
-) -> None:
-    """Film a scene, analyse the film, and compare with the truth: how good is the analysis here."""
-    if (scene is None) == (run is None):
-        raise UsageError("give SCENE.toml or --from-run RUN, one of them")
-    if run is not None:
-        check_twin(console, run, output, films=films, workers=workers)
-        return
-    assert scene is not None
-    compare(
-        console,
-        scene,
-        output,
-        films=films,
-        presets=presets,
-        workers=workers,
-        figures=not no_figures,
-    )
-
-
-@command.command("sample", cls=StageCommand)
-@click.argument("name", metavar="[NAME]", type=click.Choice(SAMPLE_NAMES), default="rotors")
-@output_option("FOLDER", "Where movie.tif, config.toml, scene.toml and truth/ are written.")
-@output_flags
-@click.pass_obj
-def sample(console: Console, name: str, output: Path) -> None:
-    """Make a sample film of simulated rods: rotors, salt, two_colours or fiducials."""
-    from rotortrack.simulate.sample import make_sample
-
-    with console.stage("simulate"):
-        make_sample(output, name)
-    console.text(
-        f"sample written to {output}: try `rotortrack run {output / 'movie.tif'} "
-        f"-c {output / 'config.toml'} -o RUN`"
-    )
-    console.json({"output": output})
 
 
 def _field(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from rotortrack.errors import AliasingWarning
+from rotortrack.exchange.parquet import schema_metadata
 from rotortrack.exchange.row_groups import open_row_groups
 from rotortrack.files import write_text
 from rotortrack.movies.write import is_ome, write_movie
@@ -108,7 +109,8 @@ def film_scene(
     folder = truth_in or truth_folder(movie)
     folder.mkdir(parents=True, exist_ok=True)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
-    with open_row_groups(folder / "spots.parquet", truth.SPOTS, source) as writer:
+    metadata = schema_metadata(truth.SPOTS, source)
+    with open_row_groups(folder / "spots.parquet", truth.SPOTS, metadata) as writer:
         rows = truth.SpotRows(writer, film.recorded)
         blocks = film.blocks(workers=workers or default_workers(), see=rows)
         write_movie(
