@@ -13,6 +13,8 @@ import pytest
 from rotortrack.exchange.tables import TableInfo, write_localisations
 from rotortrack.movies.tiff import open_movie
 from rotortrack.movies.write import write_movie
+from rotortrack.simulate.film.scene import FILM_SECTIONS
+from rotortrack.simulate.scene import SCENE_SECTIONS
 from rotortrack_cli.exits import Exit
 from rotortrack_cli.main import main, rotortrack
 
@@ -66,6 +68,14 @@ def test_the_tracking_example_makes_what_is_named(monkeypatch, tmp_path, swimmin
     assert main([*shlex.split(line)[1:], "-q"]) == 0
     for name in re.findall(r"`(mobile[-.]\w+(?:\.\w+)?)`", README):
         assert (tmp_path / name).is_file()
+
+
+def test_every_section_of_a_scene_that_is_filmed_is_listed():
+    (table,) = re.findall(r"\| section \| what it adds \|\n(.*?)\n\n", README, re.DOTALL)
+    listed = re.findall(r"`\[+(\w+)\]+`", table)
+    assert len(listed) == len(set(listed))
+    assert set(listed) >= {*FILM_SECTIONS, "rotors"}
+    assert set(listed) <= {*SCENE_SECTIONS, "rotors"}
 
 
 COMMANDS = set(re.findall(r"(?:`|^|/|&& )rotortrack ([a-z]+)\b", README, re.MULTILINE))
