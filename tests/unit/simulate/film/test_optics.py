@@ -158,3 +158,12 @@ def test_pixels_of_an_airy_spot_hold_its_integral():
     # What lies beyond 2 um is given to the rest, evenly.
     assert 1.015 < ratios[0] < 1.03
     assert ratios == pytest.approx([ratios[0]] * 4, rel=2e-4)
+
+
+def test_an_airy_pattern_is_nowhere_negative_and_is_filmed_without_background():
+    rng = np.random.default_rng(4)
+    images = np.zeros((50, 64, 64))
+    places = rng.uniform(2000.0, 5000.0, (2, 50, 1))
+    Optics(PsfOptions(model="airy"), 108.3).add(images, Spots(*places, np.array([1e6])))
+    assert images.min() >= 0.0
+    assert images.sum(axis=(1, 2)) == pytest.approx(1e6, rel=1e-6)
