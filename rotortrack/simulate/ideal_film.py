@@ -21,7 +21,7 @@ from rotortrack.cameras.camera import Camera
 from rotortrack.movies.metadata import Value
 from rotortrack.movies.movie import Frames, Movie, check_range
 from rotortrack.simulate.ideal import IdealRotor, IdealScene
-from rotortrack.simulate.ideal_motion import exposure_angles
+from rotortrack.simulate.ideal_motion import exposure_angles, exposure_inward
 from rotortrack.simulate.psf import add_windows, spot_images, window_corner, window_size
 
 BLOCK_FRAMES = 128
@@ -42,14 +42,16 @@ class _FilmedRotor:
     rotor: IdealRotor
     angles: NDArray[np.float64]
     lit: NDArray[np.bool_] | None
+    inward: float
 
     def places_nm(
         self, frames: slice, drift_nm: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where the spot is during the parts of each exposure: x and y, (n or 1, parts)."""
         angles = self.angles if self.angles.shape[0] == 1 else self.angles[frames]
-        x_nm = self.rotor.x_nm + self.rotor.radius_nm * np.cos(angles)
-        y_nm = self.rotor.y_nm - self.rotor.radius_nm * np.sin(angles)
+        radius_nm = self.inward * self.rotor.radius_nm
+        x_nm = self.rotor.x_nm + radius_nm * np.cos(angles)
+        y_nm = self.rotor.y_nm - radius_nm * np.sin(angles)
         if drift_nm is not None:
             x_nm = x_nm + drift_nm[frames, :1]
             y_nm = y_nm + drift_nm[frames, 1:]
@@ -218,7 +220,7 @@ class IdealFilm(Movie):
         if scene.dark_probability:
             draws = self._stream(_Stream.DARK, number).random(scene.n_frames)
             lit = draws >= scene.dark_probability
-        return _FilmedRotor(rotor, angles, lit)
+        return _FilmedRotor(rotor, angles, lit, exposure_inward(rotor, scene.exposure_s))
 
     def _stream(self, effect: _Stream, number: int) -> np.random.Generator:
         seeds = np.random.SeedSequence(self._entropy, spawn_key=(int(effect), number))

@@ -1,10 +1,10 @@
 """The angle of an ideal rotor during every exposure, in exact steps.
 
-A frame's exposure is cut into equal parts, as many as keep the rms turn within a part below
-`exposure.PART_TURN_RAD`. Each part is given the *mean* angle over it, which is drawn jointly with
-the end of the part, exactly: so the angle averaged over an exposure has its exact law whatever the
-number of parts (variance of increments 2 D dt (1 - 2 Rb)), and a slow rotor needs one part alone.
-What the number of parts limits is the radius of the averaged position, within 0.1 % of R.
+A frame's exposure is cut into equal parts, as many as `exposure.parts_of` says. Each part is given
+the *mean* angle over it, which is drawn jointly with the end of the part, exactly: so the angle
+averaged over an exposure has its exact law whatever the number of parts (variance of increments
+2 D dt (1 - 2 Rb)), and a slow rotor needs one part alone. The position averaged over a part lies
+inside the circle, by `exposure.inward`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,14 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from rotortrack.simulate.film.exposure import PARTS_OF_A_FLIP, parts_of
+from rotortrack.simulate.film.exposure import PARTS_OF_A_FLIP, inward, parts_of
 from rotortrack.simulate.ideal import IdealRotor
 
 
 def exposure_parts(rotor: IdealRotor, exposure_s: float) -> int:
-    """Return into how many parts an exposure is cut: the least n with w^2 h^2 + 2 D h <= tol^2.
+    """Return into how many parts an exposure is cut, by `exposure.parts_of`.
 
-    Here h = exposure / n, w is the angular speed, D the diffusion coefficient and tol is
-    `exposure.PART_TURN_RAD`. A stuck rotor needs one; a two-position one `PARTS_OF_A_FLIP`.
+    A stuck rotor needs one; a two-position one `PARTS_OF_A_FLIP`.
 
     Raises
     ------
@@ -32,6 +31,14 @@ def exposure_parts(rotor: IdealRotor, exposure_s: float) -> int:
     """
     parts = parts_of(rotor.omega_rad_s * exposure_s, rotor.diffusion_rad2_s * exposure_s)
     return max(parts, PARTS_OF_A_FLIP) if rotor.kind == "two_position" else parts
+
+
+def exposure_inward(rotor: IdealRotor, exposure_s: float) -> float:
+    """Return by which factor the position averaged over a part is nearer to the centre."""
+    if rotor.kind == "stuck":
+        return 1.0
+    part_s = exposure_s / exposure_parts(rotor, exposure_s)
+    return inward(rotor.omega_rad_s * part_s, rotor.diffusion_rad2_s * part_s)
 
 
 def exposure_angles(

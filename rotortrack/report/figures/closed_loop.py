@@ -112,7 +112,7 @@ def _finish(axes: Axes, title: str, across: str, up: str) -> None:
     low = min(axes.get_xlim()[0], axes.get_ylim()[0])
     high = max(axes.get_xlim()[1], axes.get_ylim()[1])
     axes.plot([low, high], [low, high], color=style.GREY, linewidth=0.8, zorder=0)
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")
 
 
 def _confusion(axes: Axes, counts: Confusion, title: str) -> None:

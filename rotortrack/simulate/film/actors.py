@@ -95,7 +95,7 @@ class RotorActor:
         for number, (end, theta) in enumerate(zip(self.rotor.ends, angles, strict=True)):
             photons, offset_nm = self._dyes[number].advance(n)
             there = self._presence(first, n, self._delays_s[number])
-            x_nm, y_nm = _places(self.rotor, end, theta, out_nm, offset_nm)
+            x_nm, y_nm = _places(self.rotor, end, theta, out_nm, offset_nm, self._walk.inward)
             yield Light(
                 x_nm=x_nm,
                 y_nm=y_nm,
@@ -123,9 +123,14 @@ class RotorActor:
 
 
 def _places(
-    rotor: Rotor, end: End, theta: Floats, out_nm: Floats | None, offset_nm: Floats | None
+    rotor: Rotor,
+    end: End,
+    theta: Floats,
+    out_nm: Floats | None,
+    offset_nm: Floats | None,
+    inward: float,
 ) -> tuple[Floats, Floats]:
-    radius = end.radius_nm if out_nm is None else end.radius_nm + out_nm[:, np.newaxis]
+    radius = inward * (end.radius_nm if out_nm is None else end.radius_nm + out_nm[:, np.newaxis])
     place = theta + end.phase_rad
     x_nm = rotor.x_nm + radius * np.cos(place)
     y_nm = rotor.y_nm - radius * np.sin(place)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.simulate.film.clock import Clock
-from rotortrack.simulate.film.exposure import PARTS_OF_A_FLIP, parts_of
+from rotortrack.simulate.film.exposure import PARTS_OF_A_FLIP, inward, parts_of
 from rotortrack.simulate.film.legs import Drive, Flips, Legs, Poses
 from rotortrack.simulate.film.rotor import Rotor
 from rotortrack.simulate.film.segments import Segments
@@ -64,6 +64,8 @@ class AngleWalk:
     ----------
     parts
         Parts of an exposure.
+    inward
+        Distance of a part's mean position from the centre, over the radius.
 
     Raises
     ------
@@ -83,10 +85,12 @@ class AngleWalk:
         self._delays = len(delays_s)
         self._frame = self._seen = 0
         self._first = self._last = rotor.start_rad
-        self.parts = 1
+        self.parts, self.inward = 1, 1.0
         if rotor.motion == "stuck":
             return
-        self.parts = _parts(rotor, clock, drive)
+        turn_rad, spread_rad2 = _turn_and_spread(rotor, clock, drive)
+        self.parts = _parts(rotor, turn_rad, spread_rad2)
+        self.inward = inward(turn_rad / self.parts, spread_rad2 / self.parts)
         self._finer = _steps_of_a_part(rotor, clock, self.parts)
         self._segments = Segments(clock, self.parts * self._finer, delays_s)
         self._wander = self._make_wander(Streams.of(seed, Effect.MOTION, rotor.number))
@@ -161,12 +165,17 @@ class AngleWalk:
         return Wander(length_s)
 
 
-def _parts(rotor: Rotor, clock: Clock, drive: Drive | None) -> int:
-    if clock.exposure_s == 0.0:
-        return 1
+def _turn_and_spread(rotor: Rotor, clock: Clock, drive: Drive | None) -> tuple[float, float]:
+    """Give the turn by the largest speed, and D times the duration, of an exposure."""
     largest = 1.0 if drive is None else drive.largest
     turn_rad = abs(rotor.omega_rad_s) * largest * clock.exposure_s
-    parts = parts_of(turn_rad, rotor.diffusion_rad2_s * clock.exposure_s)
+    return turn_rad, rotor.diffusion_rad2_s * clock.exposure_s
+
+
+def _parts(rotor: Rotor, turn_rad: float, spread_rad2: float) -> int:
+    if turn_rad == spread_rad2 == 0.0:
+        return 1
+    parts = parts_of(turn_rad, spread_rad2)
     return max(parts, PARTS_OF_A_FLIP) if rotor.motion == "two_position" else parts
 
 

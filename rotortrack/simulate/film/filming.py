@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from rotortrack.errors import AliasingWarning
-from rotortrack.exchange.parquet import schema_metadata
 from rotortrack.exchange.row_groups import open_row_groups
 from rotortrack.files import write_text
 from rotortrack.movies.write import is_ome, write_movie
 from rotortrack.parallel import default_workers
 from rotortrack.simulate.film import truth
 from rotortrack.simulate.film.film import Film
+from rotortrack.tables import schema_metadata
 from rotortrack.toml import to_toml
 
 if TYPE_CHECKING:

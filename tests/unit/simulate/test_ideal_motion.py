@@ -67,15 +67,15 @@ def test_position_averaged_over_a_diffusing_exposure_has_its_exact_second_moment
     ("which", "parts"),
     [
         (rotor("stuck"), 1),
-        (rotor("driven", omega_rad_s=-49.0), 1),
-        (rotor("driven", omega_rad_s=-51.0), 2),
+        (rotor("driven", omega_rad_s=-14.9), 1),
+        (rotor("driven", omega_rad_s=-15.1), 2),
         (rotor("brownian", diffusion_rad2_s=2.4), 1),
         (rotor("brownian", diffusion_rad2_s=2.6), 2),
         (rotor("two_position", event_rate_per_s=1.0), 8),
     ],
 )
 def test_parts_of_an_exposure_are_as_many_as_the_motion_demands(which, parts):
-    # One part may turn by 0.1 rad rms: 50 rad/s, or D = 2.5 rad^2/s, in 2 ms.
+    # One part may turn by 0.03 rad or spread by 0.1: 15 rad/s, or D = 2.5 rad^2/s, in 2 ms.
     assert exposure_parts(which, DT) == parts
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -154,8 +155,20 @@ def test_flips_come_at_their_rate():
 def test_the_fastest_voltage_decides_into_how_many_parts_an_exposure_is_cut():
     made = rotor(diffusion_rad2_s=0.0)
     fast = Drive((0.0, 1.0, 2.0), (1.0, -50.0, 2.0))
-    assert walk(made, 5).parts == 1
-    assert walk(made, 5, drive=fast).parts == math.ceil(50.0 * 30.0 * T / 0.1)
+    assert walk(made, 5).parts == math.ceil(30.0 * T / 0.03)
+    assert walk(made, 5, drive=fast).parts == math.ceil(50.0 * 30.0 * T / 0.03)
+
+
+@pytest.mark.parametrize(("omega", "diffusion"), [(40.0, 0.0), (0.0, 1.0), (50.0, 30.0)])
+def test_mean_positions_of_exposures_are_as_far_inside_the_circle_as_theory_says(omega, diffusion):
+    made = rotor(omega_rad_s=omega, diffusion_rad2_s=diffusion)
+    moved = walk(made, 20_000)
+    angles = moved.advance(20_000)[0]
+    mean = moved.inward * np.exp(1j * angles).mean(axis=1)
+    # E|mean|^2 is the double integral of exp(i w (s - t) - D |s - t|) over the exposure.
+    rate = complex(diffusion, omega) * T
+    square = (2.0 / rate - 2.0 * (1.0 - cmath.exp(-rate)) / rate**2).real
+    assert np.mean(np.abs(mean) ** 2) == pytest.approx(square, abs=3e-5 + 4e-3 * (1.0 - square))
 
 
 @pytest.mark.parametrize("motion", ["brownian", "tethered", "two_position"])
