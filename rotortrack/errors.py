@@ -39,6 +39,10 @@ class TableError(InputError):
     """A table lacks columns or holds values that cannot be used."""
 
 
+class ImageError(InputError):
+    """An image of an atomic force microscope cannot be used."""
+
+
 class FieldError(RotortrackError):
     """A nanopore's field cannot be solved, read or used as asked."""
 
@@ -159,3 +163,7 @@ class TableWarning(RotortrackWarning):
 
 class ProtocolWarning(RotortrackWarning):
     """Something in another program's protocol is doubtful or has no counterpart here."""
+
+
+class ContourWarning(RotortrackWarning):
+    """Something of an image of rods, its scale or their stiffness, is doubtful."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rotortrack.afm.options import ContourOptions
 from rotortrack.cameras.options import CameraOptions
 from rotortrack.corrections.options import DensityOptions, DriftOptions, QualityOptions
 from rotortrack.errors import ConfigurationError
@@ -31,10 +32,11 @@ SECTIONS: dict[str, type[Options]] = {
     "motion": MotionOptions,
     "link": LinkOptions,
     "plan": PlanOptions,
+    "contour": ContourOptions,
 }
 """Option class of each section, in the order of the workflow; those beside it come last."""
 
-WORKFLOW = tuple(section for section in SECTIONS if section not in ("link", "plan"))
+WORKFLOW = tuple(name for name in SECTIONS if name not in ("link", "plan", "contour"))
 """Sections that a run depends on; its record names no others."""
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {

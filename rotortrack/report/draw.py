@@ -20,6 +20,7 @@ from rotortrack.report import words
 from rotortrack.report.figures import (
     camera_maps,
     canvas,
+    contour,
     cumulative_angle,
     energetics,
     examples,
@@ -42,6 +43,7 @@ from rotortrack.report.figures import (
 from rotortrack.report.figures.canvas import FileFormat, NothingToDrawError
 
 if TYPE_CHECKING:
+    from rotortrack.afm.trace import Traced
     from rotortrack.cameras.calibrate import Calibration
     from rotortrack.motion.ensemble import Ensemble
     from rotortrack.motion.plan_movie import MoviePlan
@@ -241,6 +243,11 @@ def draw_particles(
     """Draw mobile particles, their mean-square displacements and diffusion into a file."""
     made = particles.figure(tracks, found, whole, frame_interval_s=frame_interval_s)
     canvas.save(made, path, file_format)
+
+
+def draw_contours(path: Path, traced: Traced, file_format: FileFormat = "png") -> None:
+    """Draw the rods of an image of an atomic force microscope over it, into a file."""
+    canvas.save(contour.figure(traced), path, file_format)
 
 
 def draw_plan(path: Path, planned: MoviePlan, file_format: FileFormat = "png") -> None:
