@@ -12,6 +12,7 @@ Floats = NDArray[np.float64]
 
 _WITHIN = (0.6, 1.6)
 _LEAST_FOR_MODE = 5
+_FAR_SD = 4.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,11 @@ def commonest_length(lengths: Floats, known: float) -> float:
 
 
 def scale_of(lengths: Floats, known: float) -> Scale:
-    """Compare the mean of measured lengths with the known one."""
+    """Compare the mean of measured lengths, without far ones, with the known one."""
+    off = np.abs(lengths - np.median(lengths))
+    spread = 1.4826 * float(np.median(off))
+    # Dirt at an end of one rod must not move the scale of all.
+    lengths = lengths[off <= max(_FAR_SD * spread, 1e-3 * known)]
     count = len(lengths)
     mean = float(lengths.mean())
     sd = float(lengths.std(ddof=1)) / math.sqrt(count) if count > 1 else math.nan

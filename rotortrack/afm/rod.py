@@ -39,7 +39,7 @@ class Rod:
     piece
         The piece.
     line
-        Its centre line, None where it is no single line or too short to follow.
+        Its centre line, None where it is no single line, not whole, or too short.
     noise_px
         Standard deviation of the centre line across it (pixels).
     reason
@@ -70,7 +70,8 @@ class Rod:
     def middle_px(self) -> Floats:
         """Middle of the rod along it, or of its skeleton's pixels."""
         if self.line:
-            return np.asarray(self.line.path_px[len(self.line.path_px) // 2])
+            half = self.spine_px / 2.0
+            return resample(self.line.path_px, half, 0.0, 2.0 * half)[1]
         return np.asarray(np.concatenate(self.piece.lines).mean(axis=0))
 
     def whole_px(self, cap_px: float) -> Floats:
@@ -90,10 +91,11 @@ def measure(
     line = None
     if single and len(piece.lines[0]) >= _LEAST_POINTS:
         line = follow(sampler, piece.lines[0], sigma_px, smooth_px)
-    rod = Rod(piece, line)
     if piece.at_border or (line and _reaches_border(line, shape)):
-        rod.reason = Reason.BORDER
-    elif piece.closed:
+        # What a fit finds at a border is the border's doing.
+        return Rod(piece, None, reason=Reason.BORDER)
+    rod = Rod(piece, line)
+    if piece.closed:
         rod.reason = Reason.RING
     elif not single:
         rod.reason = Reason.CROSSING

@@ -19,4 +19,4 @@ CONTOURS = Schema(
         Column("reason", "str", "", "why it was refused, empty when kept"),
     ),
 )
-"""Lengths of what is no single line, such as crossing rods, are absent."""
+"""Lengths of what is no single line, such as crossing rods, or not whole, are absent."""
