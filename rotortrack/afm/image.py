@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +13,14 @@ from numpy.typing import NDArray
 from rotortrack.afm.text_matrix import parse_matrix
 from rotortrack.errors import ContourWarning, ImageError
 from rotortrack.movies.options import MovieOptions
+from rotortrack.movies.select import select
 from rotortrack.movies.tiff import open_movie
 from rotortrack.movies.wording import one_sentence
 
 Floats = NDArray[np.float64]
 
 ENDINGS = (".tif", ".tiff", ".png", ".npy", ".txt", ".asc", ".csv", ".dat")
+_PNG = b"\x89PNG\r\n\x1a\n"
 _LEAST_PIXELS = 16
 _BYTES_A_NUMBER = 40
 _COLOUR_WEIGHTS = (0.2126, 0.7152, 0.0722)
@@ -86,7 +89,8 @@ def read_image(path: Path, options: MovieOptions | None = None) -> HeightImage:
 
 
 def _from_tiff(path: Path, options: MovieOptions) -> HeightImage:
-    with open_movie(path, options) as movie:
+    with open_movie(path, options) as whole:
+        movie = select(whole, frames=options.frames)
         if movie.shape[0] > 1:
             raise ImageError(
                 f"{path} holds {movie.shape[0]} images: choose the one of heights, such as the "
@@ -103,7 +107,10 @@ def _from_png(path: Path) -> HeightImage:
     from skimage.io import imread
 
     with one_sentence(path, "read as a picture"):
-        picture = np.asarray(imread(path))
+        content = path.read_bytes()
+        if not content.startswith(_PNG):
+            raise ImageError(f"{path} is no PNG picture: give it the ending of its format")
+        picture = np.asarray(imread(io.BytesIO(content)))
     if picture.ndim == 3:
         colours = picture[..., :3] if picture.shape[2] >= 3 else picture[..., :1]
         picture = colours.astype(np.float64) @ (_COLOUR_WEIGHTS if colours.shape[2] == 3 else [1.0])

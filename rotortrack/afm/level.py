@@ -42,8 +42,7 @@ def level_lines(height_nm: Floats, *, order: int, grown_px: int) -> tuple[Floats
     Floats, float
         Heights above the ground, and the standard deviation of a pixel of bare ground (nm).
     """
-    rows, columns = height_nm.shape
-    powers = np.linspace(-1.0, 1.0, columns)[:, None] ** np.arange(order + 1)
+    powers = np.linspace(-1.0, 1.0, height_nm.shape[1])[:, None] ** np.arange(order + 1)
     flat = height_nm - _plane(height_nm)
     noise = _noise_of(flat)
     flat = flat - np.median(flat, axis=1, keepdims=True)

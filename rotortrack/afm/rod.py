@@ -71,7 +71,7 @@ class Rod:
         """Middle of the rod along it, or of its skeleton's pixels."""
         if self.line:
             half = self.spine_px / 2.0
-            return resample(self.line.path_px, half, 0.0, 2.0 * half)[1]
+            return np.asarray(resample(self.line.path_px, half, 0.0, 2.0 * half)[1])
         return np.asarray(np.concatenate(self.piece.lines).mean(axis=0))
 
     def whole_px(self, cap_px: float) -> Floats:

@@ -29,7 +29,12 @@ def length(line):
 @pytest.mark.parametrize("line", [(10, 10, 10, 60), (10, 10, 50, 12), (8, 8, 50, 60)])
 def test_a_stroke_is_one_line_between_its_ends(line):
     piece = only(line)
-    assert (len(piece.lines), piece.junctions, piece.closed, piece.at_border) == (1, 0, False, False)
+    assert (len(piece.lines), piece.junctions, piece.closed, piece.at_border) == (
+        1,
+        0,
+        False,
+        False,
+    )
     ends = sorted(piece.lines[0][[0, -1]].tolist())
     given = sorted([[line[1] + 0.5, line[0] + 0.5], [line[3] + 0.5, line[2] + 0.5]])
     assert np.array(ends) == pytest.approx(np.array(given), abs=4.0)
