@@ -148,8 +148,9 @@ def _draw_lengths(axes: Axes, kept: pd.DataFrame) -> None:
     )
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-    mean = words.plus_minus(float(contour.mean()), float(contour.std()), "nm")
-    canvas.caption(axes, f"contour {mean} (mean ± sd)")
+    sd = float(contour.std(ddof=1)) if len(contour) > 1 else math.nan
+    mean = words.plus_minus(float(contour.mean()), sd, "nm")
+    canvas.caption(axes, f"contour {mean}" + (" (mean ± sd)" if sd > 0.0 else ""))
 
 
 def _draw_stiffness(axes: Axes, stiff: Persistence | None) -> None:

@@ -117,7 +117,7 @@ def test_text_that_is_no_matrix_is_refused(tmp_path, text, said):
     ("values", "said"),
     [
         (np.zeros((20, 30)), "same height everywhere"),
-        (np.where(HEIGHTS < HEIGHTS.max(), HEIGHTS, np.nan), "1 pixels without a finite height"),
+        (np.where(HEIGHTS.max() > HEIGHTS, HEIGHTS, np.nan), "1 pixels without a finite height"),
         (HEIGHTS[:10], "10 x 30"),
         (HEIGHTS[None], "1 x 20 x 30"),
         (HEIGHTS.astype(complex), "no array of real numbers"),
