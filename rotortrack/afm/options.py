@@ -13,7 +13,7 @@ class ContourOptions(Options):
     """How rods are found, followed, judged and calibrated."""
 
     contour_length_nm: float | None = option(
-        None, "known contour length of the rods, nm, which calibrates the image (450)", gt=0
+        None, "known contour length of the rods, such as 450, nm, which calibrates the image", gt=0
     )
     rod_diameter_nm: float = option(
         6.0, "true diameter of a rod, nm, which its rounded ends add to its length", ge=0
