@@ -104,6 +104,8 @@ def resolve(
         The same rows, those of joint fits replaced, new emitters added behind their owner's.
     """
     n = len(candidates)
+    # Each layout would compile the kernels anew.
+    results = np.ascontiguousarray(results)
     moments = deviance_moments()
     near = np.full((n, MOST_NEIGHBOURS), -1, np.int32)
     reach = radius + NEIGHBOURS_BEYOND_PX
