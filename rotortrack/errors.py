@@ -43,6 +43,26 @@ class ImageError(InputError):
     """An image of an atomic force microscope cannot be used."""
 
 
+class RegistrationError(InputError):
+    """Two colours cannot be registered with these beads, or a registration does not fit.
+
+    Parameters
+    ----------
+    reason
+        The kind of failure in two or three words, the same for all failures of the kind.
+    sentence
+        What is wrong, and the remedy.
+    """
+
+    def __init__(self, reason: str, sentence: str) -> None:
+        self.reason = reason
+        # Both are arguments, so that the error survives the way from a worker.
+        super().__init__(reason, sentence)
+
+    def __str__(self) -> str:
+        return f"{self.reason}: {self.args[1]}"
+
+
 class FieldError(RotortrackError):
     """A nanopore's field cannot be solved, read or used as asked."""
 
@@ -151,6 +171,10 @@ class AliasingWarning(RotortrackWarning):
 
 class TraceWarning(RotortrackWarning):
     """The camera's trigger in a recorded trace and the movie do not quite fit each other."""
+
+
+class RegistrationWarning(RotortrackWarning):
+    """Two colours are registered, but something about it is doubtful."""
 
 
 class KernelCacheWarning(RotortrackWarning):

@@ -31,6 +31,7 @@ _COMMANDS = {
     "motion": "Rotors to angles, speeds, diffusion and behaviour.",
     "review": "Verdicts on single rotors: list them, or overrule the screening.",
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
+    "register": "How the second colour lies on the first, from films of beads.",
     "contour": "Rods in an AFM image: lengths and stiffness.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",

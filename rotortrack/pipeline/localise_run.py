@@ -57,6 +57,12 @@ class OpenedMovie:
     settings: Settings
     camera: Camera
 
+    @property
+    def region(self) -> tuple[int, int, int, int]:
+        """The part of the sensor: x0, y0, width, height in pixels."""
+        _, height, width = self.movie.shape
+        return (*self.movie.origin_px, width, height)
+
 
 def settings_for_movie(movie: Movie, layers: list[Layer]) -> Settings:
     """Resolve all options, the movie's own metadata below everything that the user gave.

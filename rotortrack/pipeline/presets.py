@@ -16,6 +16,8 @@ from rotortrack.motion.screen_options import ScreenOptions
 from rotortrack.movies.options import MovieOptions
 from rotortrack.rotors.options import CircleOptions, ClusterOptions
 from rotortrack.settings import Layer, Options, Settings
+from rotortrack.twocolour.channel_options import ChannelsOptions
+from rotortrack.twocolour.options import RegisterOptions
 
 _ORIGIN = "preset "
 
@@ -32,11 +34,14 @@ SECTIONS: dict[str, type[Options]] = {
     "motion": MotionOptions,
     "link": LinkOptions,
     "plan": PlanOptions,
+    "channels": ChannelsOptions,
+    "register": RegisterOptions,
     "contour": ContourOptions,
 }
 """Option class of each section, in the order of the workflow; those beside it come last."""
 
-WORKFLOW = tuple(name for name in SECTIONS if name not in ("link", "plan", "contour"))
+_BESIDE = ("link", "plan", "channels", "register", "contour")
+WORKFLOW = tuple(name for name in SECTIONS if name not in _BESIDE)
 """Sections that a run depends on; its record names no others."""
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {

@@ -1,0 +1,1 @@
+"""Two colours: registration of the second onto the first."""
