@@ -358,3 +358,22 @@ def test_a_film_without_rotors_or_camera_is_written_too(tmp_path):
         assert np.all(opened.frames(0, 30) == 5.0)
     assert pd.read_parquet(tmp_path / "film.truth" / "spots.parquet").empty
     assert pd.read_csv(tmp_path / "film.truth" / "rotors.csv").empty
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [("at 0.5 V.tif", "at 0.5 V.truth"), ("at 0.7 V.OME.tiff", "at 0.7 V.truth")],
+)
+def test_a_name_with_a_point_keeps_its_truth_to_itself(tmp_path, name, folder):
+    assert truth_folder(tmp_path / name) == tmp_path / folder
+
+
+def test_the_truth_of_an_earlier_film_is_not_left_beside_a_new_one(tmp_path):
+    movie = tmp_path / "film.tif"
+    film_scene(scene_of(drift={"total_nm": [90.0, 0.0]}, voltage={}, pixel_maps={}), movie)
+    folder = truth_folder(movie)
+    assert {"drift.csv", "daq.csv", "camera.npz"} <= {path.name for path in folder.iterdir()}
+    film_scene(scene_of(), movie)
+    assert {path.name for path in folder.iterdir()} == {
+        *("rotors.csv", "spots.parquet", "scene.toml", "config.toml"),
+    }
