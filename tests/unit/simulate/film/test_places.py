@@ -18,7 +18,7 @@ def test_more_points_than_are_tried_for_few_are_placed_too():
 
 
 def test_a_field_that_its_margins_fill_is_refused_by_the_names_of_its_options():
-    with pytest.raises(ConfigurationError, match=r"16 x 12 px .*width_px and height_px in \[film\]"):
+    with pytest.raises(ConfigurationError, match=r"16 x 12 px .*width_px and height_px"):
         scatter(1, (12, 16), 100.0, 8.0, 1500.0, np.random.default_rng(0))
 
 
