@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.settings import Layer, Options, Settings, parse_toml, read_content, resolve
 from rotortrack.simulate.field.options import FieldOptions
-from rotortrack.simulate.film.options import RotorsOptions
+from rotortrack.simulate.film.options import FilmOptions, RotorsOptions
 from rotortrack.simulate.film.scene import FILM_SECTIONS, FilmScene
 from rotortrack.simulate.options import ScanOptions
 from rotortrack.simulate.rod.options import (
@@ -181,13 +181,18 @@ def _film(
         loose = [name for name in FILM_SECTIONS if name in named]
         loose += [f"[{_ROTORS}]"] * bool(groups)
         return None, [f"[{name}] is of no use without [film]: add it" for name in loose]
-    if "film" not in sections:
-        return None, []
     effects: dict[str, Any] = {name: sections.get(name) for name in FILM_SECTIONS}
+    effects["film"] = effects["film"] or _CONTRADICTS_NOTHING
     # A group with mistakes has told them: what stands in for it keeps the others' numbers.
     rotors = tuple(sections.get(name, RotorsOptions()) for name in groups)
     film = FilmScene(**effects, rotors=rotors)
-    return film, list(film.mistakes(has_rod="rod" in named, has_field="field" in named))
+    return film, list(film.mistakes(named))
+
+
+_CONTRADICTS_NOTHING = FilmOptions(
+    width_px=10**9, height_px=10**9, n_frames=10**9, frame_interval_s=1e12
+)
+"""Stands in for a [film] with mistakes of its own, so that those of all others are told."""
 
 
 def _group_name(number: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -170,23 +170,24 @@ class FilmScene:
             changes["rotors"] = tuple(replace(group, ends=1) for group in self.rotors)
         return replace(self, **changes)
 
-    def mistakes(self, *, has_rod: bool, has_field: bool) -> Iterator[str]:
+    def mistakes(self, named: Collection[str] = ()) -> Iterator[str]:
         """Tell what contradicts itself, sentence by sentence.
 
         Parameters
         ----------
-        has_rod, has_field
-            Whether the scene has the sections [rod] and [field].
+        named
+            Sections of the scene beside those here: [rod], [field], and such as are None because
+            they hold mistakes of their own.
         """
         for name, needed in _NEEDS.items():
             for other in needed:
-                if getattr(self, name) and not getattr(self, other):
+                if getattr(self, name) and not (getattr(self, other) or other in named):
                     brackets = f"[[{other}]]" if other == "rotors" else f"[{other}]"
                     yield f"[{name}] needs {brackets}: add it, or leave [{name}] out"
         yield from self._mistakes_of_time()
         yield from self._mistakes_of_light()
         for number, group in enumerate(self.rotors, 1):
-            for mistake in self._mistakes_of(group, has_rod=has_rod, has_field=has_field):
+            for mistake in self._mistakes_of(group, named):
                 yield f"[rotors {number}] {mistake}"
 
     def _mistakes_of_time(self) -> Iterator[str]:
@@ -244,9 +245,7 @@ class FilmScene:
             if getattr(self.film, side) % 2:
                 yield f"[film] {side} must be even, to be split"
 
-    def _mistakes_of(
-        self, group: RotorsOptions, *, has_rod: bool, has_field: bool
-    ) -> Iterator[str]:
+    def _mistakes_of(self, group: RotorsOptions, named: Collection[str]) -> Iterator[str]:
         defaults = RotorsOptions()
         for name, motions in _OF_ONE_KIND.items():
             if getattr(group, name) != getattr(defaults, name) and group.motion not in motions:
@@ -262,12 +261,12 @@ class FilmScene:
             if (least[0] if isinstance(least, tuple) else least) <= 0.0:
                 yield f"diffusion_rad2_s must be above 0 for motion {group.motion}"
         if group.shape == "rod":
-            for has, name in ((has_rod, "rod"), (has_field, "field")):
-                if not has:
+            for name in ("rod", "field"):
+                if name not in named:
                     yield f"shape rod needs [{name}]: add it"
         if group.own_rate and (group.shape == "circle" or group.motion != "driven"):
             yield "own_rate needs motion driven and the shape of a rod"
-        if group.ends == 2 and self.split is None:
+        if group.ends == 2 and self.split is None and "split" not in named:
             yield "ends = 2 needs [split], where the second colour is seen"
         yield from self._mistakes_of_places(group)
 

@@ -82,6 +82,23 @@ def test_every_mistake_is_told_at_once():
         assert any(words in sentence for sentence in told), (words, told)
 
 
+def test_a_section_with_mistakes_of_its_own_hides_and_makes_no_others():
+    told = mistakes_of(
+        "[film]\nwidth_px = -3\nexposure_s = 0.001\n[camera]\nbits = 40\n[pixel_maps]\n"
+        "[split]\nscale = 3\n[fiducials]\n[lattice]\n"
+        '[voltage]\ntimes_s = [0, 1]\n[[rotors]]\nmotion = "stuck"\narc_deg = 20\nends = 2\n'
+        "x_nm = [1e4]\ny_nm = [1e4]\n[rolling_shutter]\n[dropped]\nframes = [0, 7]\n"
+    )
+    assert sorted(told) == [
+        "[dropped] frames: frame 0 cannot be lost, a film begins with a frame",
+        "[rotors 1] arc_deg belongs to motion arc, not to stuck",
+        "[voltage] has 2 times_s and 1 voltages_mv: give as many",
+        "scene: [camera] bits must be at most 16, not 40",
+        "scene: [film] width_px must be greater than 0, not -3",
+        "scene: [split] scale must be at most 1.2, not 3",
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
