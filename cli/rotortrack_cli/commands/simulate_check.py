@@ -29,7 +29,6 @@ def check(
     from rotortrack.tradeoff.closed_loop import PRESETS, check_scene
 
     begun = time.perf_counter()
-    output.mkdir(parents=True, exist_ok=True)
     with Stages(console) as stages:
         loop = check_scene(
             scene,
@@ -56,7 +55,8 @@ def check(
     first = loop.analyses[0]
     for name, found in told["verdicts"][first.preset].items():
         console.text(f"{name}: " + ", ".join(f"{n} {word}" for word, n in found.items()))
-    console.text(f"in {output}: films with their truth, runs, check.json, rotors-*.csv, check.png")
+    made = "films with their truth, runs, check.json, rotors-*.csv" + ", check.png" * figures
+    console.text(f"in {output}: {made}")
     console.json(told)
 
 
