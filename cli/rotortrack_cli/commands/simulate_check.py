@@ -51,7 +51,8 @@ def check(
         canvas.save_as(closed_loop.figure(tables, confusions, behaviours), output / "check.png")
     headings, rows = loop.table()
     console.table(headings, rows)
-    console.text("* the better one; in brackets the 95 % interval")
+    best = "* the best one; " if len(loop.analyses) > 1 else ""
+    console.text(f"{best}in brackets the 95 % interval")
     first = loop.analyses[0]
     for name, found in told["verdicts"][first.preset].items():
         console.text(f"{name}: " + ", ".join(f"{n} {word}" for word, n in found.items()))

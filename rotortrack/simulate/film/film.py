@@ -139,6 +139,11 @@ class Film:
         return self._equipment.recorded
 
     @property
+    def largest_drive(self) -> float:
+        """Largest factor in magnitude by which the scene's voltage changes all speeds."""
+        return 1.0 if self._equipment.drive is None else self._equipment.drive.largest
+
+    @property
     def split(self) -> Split:
         """The second colour's optics, of a scene that has [split]."""
         assert self._equipment.split is not None

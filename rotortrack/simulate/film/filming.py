@@ -149,7 +149,9 @@ def warn_of_aliases(film: Film) -> None:
         How the fastest one will be seen.
     """
     clock = film.clock
-    omega = max((abs(rotor.omega_rad_s) for rotor in film.rotors), default=0.0)
+    # What turns by a table has no speed of its own.
+    speeds = [abs(rotor.omega_rad_s) for rotor in film.rotors if rotor.motion != "table"]
+    omega = film.largest_drive * max(speeds, default=0.0)
     step = omega * clock.frame_interval_s
     blur = 0.5 * omega * clock.exposure_s
     ring = abs(math.sin(blur) / blur) if blur > 0.0 else 1.0
