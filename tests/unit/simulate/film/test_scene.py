@@ -7,7 +7,7 @@ import pytest
 from rotortrack.errors import ConfigurationError
 from rotortrack.settings import Layer, parse_toml
 from rotortrack.simulate.film.scene import FILM_SECTIONS, within
-from rotortrack.simulate.scene import make_scene
+from rotortrack.simulate.scene import make_scene, read_scene
 from rotortrack.toml import to_toml
 
 
@@ -125,6 +125,22 @@ def test_a_section_with_mistakes_of_its_own_hides_and_makes_no_others():
 )
 def test_what_contradicts_itself(text, words):
     assert any(words in sentence for sentence in mistakes_of(text))
+
+
+def test_files_that_a_scene_names_lie_where_it_lies(tmp_path, monkeypatch):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        '[film]\n[camera]\ncamera_maps = "maps.npz"\n[drift]\ntable = "drift.csv"\n[[rotors]]\n'
+        'motion = "table"\ntable = "deep/places.csv"\n[[rotors]]\nshape = "rod.npz"\n[[rotors]]\n'
+    )
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    film = read_scene(path, [Layer("--set", {"camera": {"camera_maps": "other.npz"}})]).film
+    assert film.camera.camera_maps == str(work / "other.npz")
+    assert film.drift.table == str(tmp_path / "drift.csv")
+    assert film.rotors[0].table == str(tmp_path / "deep" / "places.csv")
+    assert [group.shape for group in film.rotors] == ["circle", str(tmp_path / "rod.npz"), "circle"]
 
 
 def test_a_range_is_cut_evenly_or_by_its_logarithm():
