@@ -42,6 +42,8 @@ class Truth:
         and `behaviour` (empty where none is asked for).
     background, sigma_nm, pixel_size_nm, read_noise_e, efficiency
         For the bound of a position; the last one is the part of the photons that is detected.
+    drifts
+        Whether the stage moved.
     """
 
     spots: pd.DataFrame
@@ -51,6 +53,7 @@ class Truth:
     pixel_size_nm: float
     read_noise_e: float
     efficiency: float = 1.0
+    drifts: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,8 @@ class Score:
         Counts and sums over spots: found, true, matched, squared errors.
     rotors
         The truth's rotors, one row each, with what was found of them: columns of the run's rotors
-        with the prefix `found_`; `found` tells whether any rotor was.
+        prefix `found_`; `found` tells whether any rotor was, and `stage_x_nm` and `stage_y_nm`
+        where the analysis thinks that the stage began, 0 where it did not move.
     false_rotors
         Rotors kept where there is none.
     """
@@ -106,6 +110,7 @@ def read_truth(folder: Path) -> Truth:
         pixel_size_nm=float(film["pixel_size_nm"]),
         read_noise_e=float(camera.get("read_noise_e", 0.0)),
         efficiency=float(camera.get("quantum_efficiency", 1.0)),
+        drifts=drift.exists(),
     )
 
 
@@ -147,6 +152,10 @@ def score(truth: Truth, localisations: pd.DataFrame, rotors: pd.DataFrame) -> Sc
     taken = rows.reindex(table["found_rotor"]).add_prefix("found_").reset_index(drop=True)
     table = pd.concat([table.reset_index(drop=True), taken], axis=1)
     table["found"] = table["found_rotor"] >= 0
+    for name in ("x_nm", "y_nm"):
+        errors = _errors(truth, localisations, matched, hits[single], name)
+        known = truth.drifts and errors.size > 0
+        table[f"stage_{name}"] = float(np.median(errors)) if known else 0.0
     false = [n for n in rows.index if n not in owners and rows.loc[n, "verdict"] == "kept"]
     return Score(spots, table, len(false))
 
@@ -165,12 +174,7 @@ def _spot_numbers(
     truth: Truth, found: pd.DataFrame, matched: NDArray[np.int64], hits: NDArray[np.int64]
 ) -> dict[str, float]:
     rows = matched[hits]
-    errors = np.stack(
-        [
-            found[name].to_numpy(float)[hits] - truth.spots[name].to_numpy()[rows]
-            for name in ("x_nm", "y_nm")
-        ]
-    )
+    errors = np.stack([_errors(truth, found, matched, hits, name) for name in ("x_nm", "y_nm")])
     # Where the stage stood in the first frame is nobody's error.
     errors -= np.median(errors, axis=1, keepdims=True) if errors.size else 0.0
     sds = np.stack([found[name].to_numpy(float)[hits] for name in ("x_sd_nm", "y_sd_nm")])
@@ -190,6 +194,19 @@ def _spot_numbers(
         "with_sd": float(known.sum()),
         "square_over_sd": float(((errors[known] / sds[known]) ** 2).sum()),
     }
+
+
+def _errors(
+    truth: Truth,
+    found: pd.DataFrame,
+    matched: NDArray[np.int64],
+    hits: NDArray[np.int64],
+    name: str,
+) -> Floats:
+    errors: Floats = (
+        found[name].to_numpy(float)[hits] - truth.spots[name].to_numpy(float)[matched[hits]]
+    )
+    return errors
 
 
 _OUTLIER = 10.0

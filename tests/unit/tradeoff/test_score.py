@@ -8,7 +8,8 @@ import pytest
 from rotortrack.settings import Layer
 from rotortrack.simulate.film.filming import film_scene
 from rotortrack.simulate.scene import make_scene
-from rotortrack.tradeoff.score import read_truth, truth_bound
+from rotortrack.tradeoff.score import read_truth, score, truth_bound
+from rotortrack.tradeoff.summary import summarise
 
 _ROTORS = {"x_nm": [2000.0], "y_nm": [2000.0], "omega_rad_s": 40.0, "direction": "ccw"}
 
@@ -77,3 +78,23 @@ def test_drift_is_taken_off_the_true_places(tmp_path):
     moved = truth_of(tmp_path / "moved", drift={"total_nm": [70.0, -9.0]}).spots
     for name in ("x_nm", "y_nm"):
         np.testing.assert_allclose(moved[name], still[name], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("drift", "error_nm"), [({"total_nm": [9.0, 0.0]}, 1.0), (None, 13.0)])
+def test_where_the_stage_began_is_no_error_of_the_centres(tmp_path, drift, error_nm):
+    truth = truth_of(tmp_path, **({"drift": drift} if drift else {}))
+    found = truth.spots[["frame", "x_nm", "y_nm", "rotor"]].assign(x_sd_nm=5.0, y_sd_nm=5.0)
+    found["x_nm"] += 12.0
+    found["y_nm"] += 12.0
+    rotors = truth.rotors[["rotor", "x_nm", "y_nm"]] + [0.0, 13.0, 13.0]
+    numbers = dict.fromkeys(
+        (
+            *("radius_nm", "radius_sd_nm", "omega_rad_s", "omega_sd_rad_s", "diffusion_rad2_s"),
+            *("speed_ci_low_deg_s", "speed_ci_high_deg_s"),
+            *("diffusion_ci_low_rad2_s", "diffusion_ci_high_rad2_s"),
+        ),
+        1.0,
+    )
+    rotors = rotors.assign(verdict="kept", behaviour="driven_ccw", **numbers)
+    measures = summarise([score(truth, found, rotors)])
+    assert measures["centre_rmse_nm"].value == pytest.approx(error_nm)
