@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from rotortrack.errors import UsageError
 from rotortrack.settings import Layer
 from rotortrack.simulate.rod.options import PRESETS
 from rotortrack.simulate.scene import read_scene
@@ -30,6 +31,8 @@ def scene_flags(*, optional: bool = False) -> Callable[[_Function], _Function]:
             **kwargs: Any,
         ) -> Any:
             values = parse_assignments(assignments)
+            if path is None and (values or preset):
+                raise UsageError("--set and --preset change a scene: give SCENE.toml, too")
             layers = [Layer("--set", values)] if values else []
             scene = None if path is None else read_scene(path, layers, preset)
             return function(*args, scene=scene, **kwargs)

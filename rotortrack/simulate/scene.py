@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 from rotortrack.errors import ConfigurationError, InputError
 from rotortrack.settings import Layer, Options, Settings, parse_toml, read_content, resolve
 from rotortrack.simulate.field.options import FieldOptions
-from rotortrack.simulate.film.options import RotorsOptions
+from rotortrack.simulate.film.options import FilmOptions, RotorsOptions
 from rotortrack.simulate.film.scene import FILM_SECTIONS, FilmScene
 from rotortrack.simulate.options import ScanOptions
 from rotortrack.simulate.rod.options import (
@@ -108,9 +108,10 @@ def read_scene(path: Path, layers: Sequence[Layer] = (), preset: str | None = No
     Parameters
     ----------
     path
-        TOML in UTF-8.
+        TOML in UTF-8. Files that it names lie where it lies.
     layers
-        Values that win over those of the file, such as from the command line.
+        Values that win over those of the file, such as from the command line. Files that they name
+        are sought from the working folder.
     preset
         Name of the preset that fills what nobody gave, in the sections that the scene has.
 
@@ -126,8 +127,37 @@ def read_scene(path: Path, layers: Sequence[Layer] = (), preset: str | None = No
         content = read_content(path)
     except ConfigurationError as error:
         raise InputError(str(error)) from error
-    given = Layer(f"scene {path}", parse_toml(content, path, arrays=(_ROTORS,)))
-    return make_scene([given, *layers], origin=str(path), preset=preset)
+    values = parse_toml(content, path, arrays=(_ROTORS,))
+    given = Layer(f"scene {path}", _located(values, path.parent))
+    more = [Layer(layer.origin, _located(layer.values, Path())) for layer in layers]
+    return make_scene([given, *more], origin=str(path), preset=preset)
+
+
+def _located(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Say where files lie without regard to a folder: a film records its scene for later."""
+
+    def place(table: Any, keys: Sequence[str]) -> Any:
+        if not isinstance(table, Mapping):
+            return table
+        named = {key: table[key] for key in keys if isinstance(table.get(key), str)}
+        files = {key: name for key, name in named.items() if name not in _NO_FILES}
+        return {**table, **{key: str((folder / name).absolute()) for key, name in files.items()}}
+
+    located = dict(values)
+    for section, keys in _FILES.items():
+        own = values.get(section)
+        if isinstance(own, list):
+            located[section] = [place(table, keys) for table in own]
+        elif own is not None:
+            located[section] = place(own, keys)
+    return located
+
+
+_FILES = {"camera": ("camera_maps",), "drift": ("table",), _ROTORS: ("table", "shape")}
+"""Options that name files."""
+
+_NO_FILES = ("circle", "rod")
+"""Shapes that are none."""
 
 
 def make_scene(
@@ -181,13 +211,18 @@ def _film(
         loose = [name for name in FILM_SECTIONS if name in named]
         loose += [f"[{_ROTORS}]"] * bool(groups)
         return None, [f"[{name}] is of no use without [film]: add it" for name in loose]
-    if "film" not in sections:
-        return None, []
     effects: dict[str, Any] = {name: sections.get(name) for name in FILM_SECTIONS}
+    effects["film"] = effects["film"] or _CONTRADICTS_NOTHING
     # A group with mistakes has told them: what stands in for it keeps the others' numbers.
     rotors = tuple(sections.get(name, RotorsOptions()) for name in groups)
     film = FilmScene(**effects, rotors=rotors)
-    return film, list(film.mistakes(has_rod="rod" in named, has_field="field" in named))
+    return film, list(film.mistakes(named))
+
+
+_CONTRADICTS_NOTHING = FilmOptions(
+    width_px=10**9, height_px=10**9, n_frames=10**9, frame_interval_s=1e12
+)
+"""Stands in for a [film] with mistakes of its own, so that those of all others are told."""
 
 
 def _group_name(number: int) -> str:

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
+from rotortrack.errors import ConfigurationError
+from rotortrack.pipeline.presets import PRESETS as KNOWN
 from rotortrack.pipeline.presets import preset_layer
 from rotortrack.pipeline.run import run_movie
 from rotortrack.settings import Layer, read_toml
 from rotortrack.simulate.film.filming import film_scene, shapes_for
-from rotortrack.simulate.scene import Scene, make_scene
+from rotortrack.simulate.scene import Scene, make_scene, read_scene
 from rotortrack.tradeoff.score import Score, read_truth, score
 from rotortrack.tradeoff.summary import AIMS, Measure, better, summarise
 
@@ -142,14 +144,20 @@ def check_scene(
     RotortrackError
         What filming or analysing raises.
     """
+    # An unknown name is told before anything is filmed.
+    layers = {preset: _layers_of(preset) for preset in presets}
     scores: dict[str, list[Score]] = {preset: [] for preset in presets}
     seconds = dict.fromkeys(presets, 0.0)
     scene.require("film")
+    assert scene.film is not None
+    # The analysis learns of lost frames from the times in the file.
+    timed = scene.film.dropped is not None or scene.film.timestamps is not None
+    ending = ".ome.tif" if timed else ".tif"
     shapes = shapes_for(scene)
     for number in range(films):
         if progress is not None:
             progress(f"film {number + 1} of {films}", 0, 0)
-        movie = folder / f"film-{number:02d}.tif"
+        movie = folder / f"film-{number:02d}{ending}"
         filmed = film_scene(reseeded(scene, number), movie, shapes=shapes, workers=workers)
         truth = read_truth(filmed.truth)
         for preset in presets:
@@ -157,7 +165,7 @@ def check_scene(
                 progress(f"analysis of film {number + 1}, {preset}", 0, 0)
             begun = time.perf_counter()
             run = folder / f"run-{number:02d}-{preset}"
-            result = analyse(filmed, run, preset, workers=workers)
+            result = analyse(filmed, run, layers[preset], workers=workers)
             seconds[preset] += time.perf_counter() - begun
             scores[preset].append(score(truth, result["localisations"], result["rotors"]))
         if not keep_movies:
@@ -170,18 +178,31 @@ def check_scene(
 
 
 def analyse(
-    filmed: Filmed, run: Path, preset: str, *, workers: int | None = None
+    filmed: Filmed, run: Path, layers: Sequence[Layer], *, workers: int | None = None
 ) -> dict[str, pd.DataFrame]:
     """Analyse a film as the command would, with the configuration beside its truth."""
-    layers = [] if preset == "default" else [preset_layer(preset)]
-    layers.append(config_layer(filmed))
+    layers = [*layers, config_layer(filmed)]
     return dict(run_movie(filmed.movie, layers, run, workers=workers, overwrite=True).tables)
 
 
+def _layers_of(preset: str) -> list[Layer]:
+    if preset == "default":
+        return []
+    if preset not in KNOWN:
+        raise ConfigurationError(
+            f"--analysis {preset} is not known: known are default, {', '.join(KNOWN)}"
+        )
+    return [preset_layer(preset)]
+
+
 def config_layer(filmed: Filmed) -> Layer:
-    """Give the configuration beside a film's truth."""
+    """Give the configuration beside a film's truth, of two colours that of the first one's half."""
     configuration = filmed.truth / "config.toml"
     values = read_toml(configuration)
+    film = read_scene(filmed.truth / "scene.toml").film
+    if film is not None and film.split is not None:
+        height, width = film.field_px
+        values["movie"]["region"] = [0, 0, width, height]
     maps = values["camera"].get("camera_maps")
     if maps is not None:
         values["camera"]["camera_maps"] = str(configuration.parent / maps)

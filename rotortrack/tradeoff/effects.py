@@ -6,7 +6,7 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from rotortrack.simulate.film.film import Film
@@ -95,7 +95,7 @@ def effect_costs(
     scene, shapes
         What is filmed, and the rods of its groups.
     frames
-        Length of each film.
+        How many are filmed each time, if the scene has as many.
     repeats
         Films of each kind, taken in turns, so that a machine that slows down slows all.
     progress
@@ -106,21 +106,20 @@ def effect_costs(
     list of EffectCost
         The whole scene first, then the effects, the dearest first.
     """
-    scene = _of_length(scene, frames)
+    frames = min(frames, scene.film.n_frames)
     names = scene.names
     variants = {name: scene.without(name) for name in names}
     kept = {name: shapes if variants[name].rotors else () for name in names}
-    _cpu_seconds(scene, shapes)
+    _cpu_seconds(scene, shapes, frames)
     whole_s: list[float] = []
     without_s: dict[str, list[float]] = {name: [] for name in names}
     for repeat in range(repeats):
-        whole_s.append(_cpu_seconds(scene, shapes))
+        whole_s.append(_cpu_seconds(scene, shapes, frames))
         for number, name in enumerate(names, 1):
-            without_s[name].append(_cpu_seconds(variants[name], kept[name]))
+            without_s[name].append(_cpu_seconds(variants[name], kept[name], frames))
             if progress is not None:
                 progress("film", repeat * len(names) + number, repeats * len(names))
-    short = _of_length(scene, min(frames, _MEMORY_FRAMES))
-    peak_mb = _peak_mb(short, shapes)
+    peak_mb = _peak_mb(scene, shapes)
     # The shortest of several times is the one that nothing else on the machine lengthened.
     whole, own = min(whole_s), {name: min(times) for name, times in without_s.items()}
     costs = [
@@ -129,7 +128,7 @@ def effect_costs(
             ms_per_frame=1e3 * (whole - own[name]) / frames,
             spread_ms=1e3 * (statistics.median(times) - own[name]) / frames,
             share=(whole - own[name]) / whole,
-            peak_mb=peak_mb - _peak_mb(short.without(name), kept[name]),
+            peak_mb=peak_mb - _peak_mb(variants[name], kept[name]),
         )
         for name, times in without_s.items()
     ]
@@ -157,9 +156,9 @@ def advice(costs: Sequence[EffectCost]) -> str:
     )
 
 
-def _cpu_seconds(scene: FilmScene, shapes: Sequence[Sequence[Shape]]) -> float:
+def _cpu_seconds(scene: FilmScene, shapes: Sequence[Sequence[Shape]], frames: int) -> float:
     begun = time.thread_time()
-    for _ in Film(scene, shapes).blocks(workers=1):
+    for _ in Film(scene, shapes, n_frames=frames).blocks(workers=1):
         pass
     return time.thread_time() - begun
 
@@ -167,12 +166,8 @@ def _cpu_seconds(scene: FilmScene, shapes: Sequence[Sequence[Shape]]) -> float:
 def _peak_mb(scene: FilmScene, shapes: Sequence[Sequence[Shape]]) -> float:
     tracemalloc.start()
     try:
-        for _ in Film(scene, shapes).blocks(workers=1):
+        for _ in Film(scene, shapes, n_frames=_MEMORY_FRAMES).blocks(workers=1):
             pass
         return tracemalloc.get_traced_memory()[1] / 1e6
     finally:
         tracemalloc.stop()
-
-
-def _of_length(scene: FilmScene, frames: int) -> FilmScene:
-    return replace(scene, film=replace(scene.film, n_frames=frames))

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from rotortrack.exchange.parquet import read_table
 from rotortrack.localise.precision import bound_nm
+from rotortrack.simulate.film.optics import gaussian_widths_nm
+from rotortrack.simulate.film.options import PsfOptions
 from rotortrack.simulate.film.truth import SPOTS
 from rotortrack.tradeoff.matching import match_rotors, match_spots
 
@@ -24,8 +26,6 @@ KEPT: Final = ("driven", "brownian", "switching", "two_position")
 
 MEASURED: Final = ("driven", "brownian")
 """Motions that have a speed and a diffusion coefficient to compare with."""
-
-_DEGREES = 180.0 / math.pi
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,10 @@ class Truth:
         One row a rotor, with `double` (its pore held two), `mean_omega_rad_s` (under the scene's
         voltage), `expected` (the verdict that screening should give; empty where either is right)
         and `behaviour` (empty where none is asked for).
-    background, sigma_nm, pixel_size_nm, read_noise_e
-        For the bound of a position.
+    background, sigma_nm, pixel_size_nm, read_noise_e, efficiency
+        For the bound of a position; the last one is the part of the photons that is detected.
+    drifts
+        Whether the stage moved.
     """
 
     spots: pd.DataFrame
@@ -50,6 +52,8 @@ class Truth:
     sigma_nm: float
     pixel_size_nm: float
     read_noise_e: float
+    efficiency: float = 1.0
+    drifts: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,8 @@ class Score:
         Counts and sums over spots: found, true, matched, squared errors.
     rotors
         The truth's rotors, one row each, with what was found of them: columns of the run's rotors
-        with the prefix `found_`; `found` tells whether any rotor was.
+        prefix `found_`; `found` tells whether any rotor was, and `stage_x_nm` and `stage_y_nm`
+        where the analysis thinks that the stage began, 0 where it did not move.
     false_rotors
         Rotors kept where there is none.
     """
@@ -93,17 +98,19 @@ def read_truth(folder: Path) -> Truth:
         moved = pd.read_csv(drift).set_index("frame").loc[spots["frame"]]
         spots["x_nm"] -= moved["dx_nm"].to_numpy()
         spots["y_nm"] -= moved["dy_nm"].to_numpy()
-    film = scene["film"]
+    film, camera = scene["film"], scene.get("camera", {})
     rotors = pd.read_csv(folder / "rotors.csv", keep_default_na=True)
-    rotors = _judged(rotors, _mean_drive(scene), film["n_frames"] * film["frame_interval_s"])
-    psf = scene.get("psf", {})
+    duration_s = film["n_frames"] * film["frame_interval_s"]
+    rotors = _judged(rotors, scene.get("voltage"), duration_s)
     return Truth(
         spots=spots,
         rotors=rotors,
         background=float(scene.get("background", {}).get("photons", 0.0)),
-        sigma_nm=float(psf.get("sigma_nm", 130.0)),
+        sigma_nm=_width_nm(PsfOptions(**scene.get("psf", {}))),
         pixel_size_nm=float(film["pixel_size_nm"]),
-        read_noise_e=float(scene.get("camera", {}).get("read_noise_e", 0.0)),
+        read_noise_e=float(camera.get("read_noise_e", 0.0)),
+        efficiency=float(camera.get("quantum_efficiency", 1.0)),
+        drifts=drift.exists(),
     )
 
 
@@ -145,6 +152,10 @@ def score(truth: Truth, localisations: pd.DataFrame, rotors: pd.DataFrame) -> Sc
     taken = rows.reindex(table["found_rotor"]).add_prefix("found_").reset_index(drop=True)
     table = pd.concat([table.reset_index(drop=True), taken], axis=1)
     table["found"] = table["found_rotor"] >= 0
+    for name in ("x_nm", "y_nm"):
+        errors = _errors(truth, localisations, matched, hits[single], name)
+        known = truth.drifts and errors.size > 0
+        table[f"stage_{name}"] = float(np.median(errors)) if known else 0.0
     false = [n for n in rows.index if n not in owners and rows.loc[n, "verdict"] == "kept"]
     return Score(spots, table, len(false))
 
@@ -163,12 +174,7 @@ def _spot_numbers(
     truth: Truth, found: pd.DataFrame, matched: NDArray[np.int64], hits: NDArray[np.int64]
 ) -> dict[str, float]:
     rows = matched[hits]
-    errors = np.stack(
-        [
-            found[name].to_numpy(float)[hits] - truth.spots[name].to_numpy()[rows]
-            for name in ("x_nm", "y_nm")
-        ]
-    )
+    errors = np.stack([_errors(truth, found, matched, hits, name) for name in ("x_nm", "y_nm")])
     # Where the stage stood in the first frame is nobody's error.
     errors -= np.median(errors, axis=1, keepdims=True) if errors.size else 0.0
     sds = np.stack([found[name].to_numpy(float)[hits] for name in ("x_sd_nm", "y_sd_nm")])
@@ -190,6 +196,19 @@ def _spot_numbers(
     }
 
 
+def _errors(
+    truth: Truth,
+    found: pd.DataFrame,
+    matched: NDArray[np.int64],
+    hits: NDArray[np.int64],
+    name: str,
+) -> Floats:
+    errors: Floats = (
+        found[name].to_numpy(float)[hits] - truth.spots[name].to_numpy(float)[matched[hits]]
+    )
+    return errors
+
+
 _OUTLIER = 10.0
 """Errors of more bounds than this are told apart: mismatches, not fits."""
 
@@ -197,32 +216,50 @@ _OUTLIER = 10.0
 def truth_bound(truth: Truth, photons: float) -> float:
     """Cramer-Rao bound per axis of a spot that stands still, nm."""
     return bound_nm(
-        max(photons, 1.0),
-        background=max(truth.background, 1e-3),
+        max(truth.efficiency * photons, 1.0),
+        background=max(truth.efficiency * truth.background, 1e-3),
         sigma_nm=truth.sigma_nm,
         pixel_size_nm=truth.pixel_size_nm,
         read_noise_e=truth.read_noise_e,
     )
 
 
-def _mean_drive(scene: dict[str, Any]) -> float:
-    """Mean factor of all speeds over the film."""
-    voltage = scene.get("voltage")
-    if voltage is None:
-        return 1.0
-    film = scene["film"]
-    ends = [*voltage["times_s"][1:], film["n_frames"] * film["frame_interval_s"]]
-    spans = np.diff([*voltage["times_s"][:1], *ends])
+def _width_nm(psf: PsfOptions) -> float:
+    """Width of the Gaussian that a spot is, or that is nearest to its Airy pattern, nm."""
+    if psf.model == "airy":
+        return _AIRY_WIDTH * psf.wavelength_nm / psf.numerical_aperture
+    return math.sqrt(math.prod(gaussian_widths_nm(psf)))
+
+
+_AIRY_WIDTH = 0.225
+"""Zhang et al. 2007: the Gaussian that fits an Airy pattern best, over wavelength / NA."""
+
+
+def _mean_drives(voltage: dict[str, Any], begin_s: Floats, end_s: Floats) -> Floats:
+    """Mean factor of all speeds between two times, for each pair of them."""
     factors = np.array(voltage["voltages_mv"]) / voltage["reference_mv"]
-    return float((factors * spans).sum() / spans.sum())
+    starts = np.array(voltage["times_s"])
+    stops = np.append(starts[1:], np.inf)
+    spans = np.minimum(end_s[:, np.newaxis], stops) - np.maximum(begin_s[:, np.newaxis], starts)
+    spans = np.maximum(spans, 0.0)
+    means: Floats = spans @ factors / np.maximum(spans.sum(axis=1), 1e-300)
+    return means
 
 
-def _judged(rotors: pd.DataFrame, drive: float, duration_s: float) -> pd.DataFrame:
+def _judged(
+    rotors: pd.DataFrame, voltage: dict[str, Any] | None, duration_s: float
+) -> pd.DataFrame:
     """Add to the truth what a perfect analysis would say."""
-    rotors["double"] = rotors["pore"].duplicated(keep=False)
-    rotors["mean_omega_rad_s"] = drive * rotors["omega_rad_s"]
+    begin_s = rotors["arrive_s"].to_numpy(float)
+    end_s = np.minimum(rotors["leave_s"].to_numpy(float), duration_s)
+    # What comes after the film's end shares a pore with nobody.
+    seen = begin_s < end_s
+    pores = rotors["pore"].where(seen, -1 - rotors["rotor"])
+    rotors["double"] = pores.duplicated(keep=False)
+    drives = 1.0 if voltage is None else _mean_drives(voltage, begin_s, end_s)
+    rotors["mean_omega_rad_s"] = drives * rotors["omega_rad_s"]
     motion, omega = rotors["motion"], rotors["mean_omega_rad_s"]
-    always = (rotors["arrive_s"] <= 0.0) & (rotors["leave_s"].astype(float) >= duration_s)
+    always = (begin_s <= 0.0) & (end_s >= duration_s)
     expected = np.where(motion.isin(KEPT) & always, "kept", "")
     expected = np.where(motion == "stuck", "refused", expected)
     rotors["expected"] = np.where(rotors["double"], "refused", expected)

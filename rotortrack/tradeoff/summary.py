@@ -143,7 +143,12 @@ def _of_motion(moving: pd.DataFrame) -> dict[str, Measure]:
 def _of_circles(moving: pd.DataFrame) -> dict[str, Measure]:
     radius = moving["found_radius_nm"] - moving["radius_nm"]
     pulls = (radius / moving["found_radius_sd_nm"]).replace([np.inf, -np.inf], np.nan).dropna()
-    offsets = pd.concat([moving[f"found_{axis}_nm"] - moving[f"{axis}_nm"] for axis in "xy"])
+    offsets = pd.concat(
+        [
+            moving[f"found_{axis}_nm"] - moving[f"stage_{axis}_nm"] - moving[f"{axis}_nm"]
+            for axis in "xy"
+        ]
+    )
     offsets = offsets.dropna()
     return {
         "radius_bias": middle((radius / moving["radius_nm"]).dropna()),

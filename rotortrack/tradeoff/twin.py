@@ -39,7 +39,7 @@ _MOTIONS: Final = {
     "toggling": "two_position",
     "unclassified": "driven",
 }
-"""How rotors of each behaviour are filmed; confined ones are tethered if their arc is short."""
+"""How rotors of each behaviour are filmed; those of others are left out."""
 
 _SEEN: Final = {"omega": "omega_rad_s", "diffusion": "diffusion_rad2_s", "radius": "radius_nm"}
 _LEAST_D: Final = 1e-3

@@ -29,7 +29,6 @@ def check(
     from rotortrack.tradeoff.closed_loop import PRESETS, check_scene
 
     begun = time.perf_counter()
-    output.mkdir(parents=True, exist_ok=True)
     with Stages(console) as stages:
         loop = check_scene(
             scene,
@@ -52,11 +51,13 @@ def check(
         canvas.save_as(closed_loop.figure(tables, confusions, behaviours), output / "check.png")
     headings, rows = loop.table()
     console.table(headings, rows)
-    console.text("* the better one; in brackets the 95 % interval")
+    best = "* the best one; " if len(loop.analyses) > 1 else ""
+    console.text(f"{best}in brackets the 95 % interval")
     first = loop.analyses[0]
     for name, found in told["verdicts"][first.preset].items():
         console.text(f"{name}: " + ", ".join(f"{n} {word}" for word, n in found.items()))
-    console.text(f"in {output}: films with their truth, runs, check.json, rotors-*.csv, check.png")
+    made = "films with their truth, runs, check.json, rotors-*.csv" + ", check.png" * figures
+    console.text(f"in {output}: {made}")
     console.json(told)
 
 

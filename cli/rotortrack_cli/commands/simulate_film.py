@@ -18,6 +18,9 @@ from rotortrack_cli.stages import Stages
 
 SAMPLE_NAMES = ("rotors", "salt", "two_colours", "fiducials")
 
+_POINTS = "fiducials"
+"""The sample without rotors."""
+
 
 @click.command("film", cls=StageCommand)
 @scene_flags()
@@ -34,6 +37,7 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
     scene.require("film")
     if output.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{output} does not end in .tif or .ome.tif: name the movie so with -o")
+    from rotortrack.movies.write import is_ome
     from rotortrack.simulate.film.filming import film_scene
 
     with Stages(console) as stages:
@@ -43,6 +47,12 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
         f"{made.frames / made.seconds:.0f} frames/s"
     )
     console.text("in the scene: " + ", ".join(made.effects))
+    timed = [f"[{name}]" for name in ("dropped", "timestamps") if name in made.effects]
+    if timed and not is_ome(output):
+        console.text(
+            f"{output.name} does not tell when frames were taken, so that an analysis cannot know "
+            f"of {' and '.join(timed)}: name it .ome.tif if it should"
+        )
     console.text(f"try `rotortrack run {output} -c {made.truth / 'config.toml'} -o RUN`")
     console.json(
         {
@@ -91,6 +101,10 @@ def check(
     if (scene is None) == (run is None):
         raise UsageError("give SCENE.toml or --from-run RUN, one of them")
     if run is not None:
+        if presets:
+            raise UsageError(
+                "--analysis is for SCENE.toml: a twin is analysed by its run's options"
+            )
         check_twin(console, run, output, films=films, workers=workers)
         return
     assert scene is not None
@@ -116,8 +130,9 @@ def sample(console: Console, name: str, output: Path) -> None:
 
     with console.stage("simulate"):
         make_sample(output, name)
+    command, target = ("localise", "POINTS.csv") if name == _POINTS else ("run", "RUN")
     console.text(
-        f"sample written to {output}: try `rotortrack run {output / 'movie.tif'} "
-        f"-c {output / 'config.toml'} -o RUN`"
+        f"sample written to {output}: try `rotortrack {command} {output / 'movie.tif'} "
+        f"-c {output / 'config.toml'} -o {target}`"
     )
     console.json({"output": output})

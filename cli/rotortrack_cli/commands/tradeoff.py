@@ -66,7 +66,7 @@ def effects(console: Console, scene: Path | None, output: Path | None, quick: bo
     )
     console.text(advice(costs))
     told: dict[str, Any] = {"effects": [dataclasses.asdict(cost) for cost in costs]}
-    told["frames"] = frames
+    told["frames"] = min(frames, given.film.film.n_frames)
     if output is not None:
         from rotortrack.files import write_text
         from rotortrack.report.figures import canvas

@@ -66,7 +66,8 @@ def figure(
     pulls.set_title("errors over reported ones")
     pulls.set_xlabel("error of the speed over its standard deviation")
     pulls.set_ylabel("rotors")
-    pulls.legend(loc="upper right")
+    if pulls.has_data():
+        pulls.legend(loc="upper right")
     _confusion(canvas.place(made, 5.15, 0.95, 1.5, 2.0), verdicts[first], f"verdict, {first}")
     _confusion(canvas.place(made, 8.35, 0.95, 2.7, 2.0), behaviours[first], f"behaviour, {first}")
     return made
@@ -116,6 +117,10 @@ def _finish(axes: Axes, title: str, across: str, up: str) -> None:
 
 
 def _confusion(axes: Axes, counts: Confusion, title: str) -> None:
+    axes.set_title(title)
+    if not counts:
+        axes.set_axis_off()
+        return
     kinds = list(counts)
     found: Sequence[str] = sorted({name for row in counts.values() for name in row})
     table = np.array([[counts[kind].get(name, 0) for name in found] for kind in kinds], float)
@@ -128,4 +133,3 @@ def _confusion(axes: Axes, counts: Confusion, title: str) -> None:
     for label in axes.get_xticklabels():
         label.set_horizontalalignment("right")
     axes.set_yticks(range(len(kinds)), [kind.replace("_", " ") for kind in kinds])
-    axes.set_title(title)

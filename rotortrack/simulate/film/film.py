@@ -86,6 +86,8 @@ class Film:
         For each group of rotors the rods among which they choose; empty for circles.
     block_frames
         Frames made at a time; absent, what 64 MB hold, at most `BLOCK_FRAMES`.
+    n_frames
+        Frames made before it is stopped; absent, all.
 
     Attributes
     ----------
@@ -108,10 +110,12 @@ class Film:
         shapes: Sequence[Sequence[Shape]] = (),
         *,
         block_frames: int | None = None,
+        n_frames: int | None = None,
     ) -> None:
         film = scene.film
         self.scene = scene
         self.clock = clock_of(scene)
+        self._n_frames = film.n_frames if n_frames is None else min(n_frames, film.n_frames)
         image_bytes = 8 * film.height_px * film.width_px
         self._block = block_frames or max(1, min(BLOCK_FRAMES, _BLOCK_BYTES // image_bytes))
         self._equipment = equip(scene, self.clock)
@@ -135,6 +139,11 @@ class Film:
         return self._equipment.recorded
 
     @property
+    def largest_drive(self) -> float:
+        """Largest factor in magnitude by which the scene's voltage changes all speeds."""
+        return 1.0 if self._equipment.drive is None else self._equipment.drive.largest
+
+    @property
     def split(self) -> Split:
         """The second colour's optics, of a scene that has [split]."""
         assert self._equipment.split is not None
@@ -155,7 +164,7 @@ class Film:
         """Recorded frames, height and width."""
         film = self.scene.film
         kept = self._equipment.recorded
-        n_frames = film.n_frames if kept is None else int(kept.sum())
+        n_frames = self._n_frames if kept is None else int(kept[: self._n_frames].sum())
         return n_frames, film.height_px, film.width_px
 
     def realised_rad_s(self) -> list[float]:
@@ -181,7 +190,7 @@ class Film:
         yield from parallel.map_ordered(self._render, self._jobs(see), workers=workers)
 
     def _jobs(self, see: Callable[[int, list[Seen]], None] | None) -> Iterator[_Job]:
-        n_frames = self.clock.n_frames
+        n_frames = self._n_frames
         for first in range(0, n_frames, self._block):
             n = min(self._block, n_frames - first)
             lights = [light for actor in self._actors for light in actor.advance(first, n)]

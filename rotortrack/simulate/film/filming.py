@@ -54,8 +54,12 @@ class Filmed:
 
 
 def truth_folder(movie: Path) -> Path:
-    """Give the folder of the truth beside a movie: its name without endings, and `.truth`."""
-    return movie.with_name(movie.name.split(".")[0] + ".truth")
+    """Give the folder of the truth beside a movie: its name without .tif or .ome.tif, and `.truth`.
+
+    Other points in a name stay, so that films of 0.5 V and 0.7 V have folders of their own.
+    """
+    name = movie.stem
+    return movie.with_name((name[: -len(".ome")] if is_ome(movie) else name) + ".truth")
 
 
 def film_scene(
@@ -145,7 +149,9 @@ def warn_of_aliases(film: Film) -> None:
         How the fastest one will be seen.
     """
     clock = film.clock
-    omega = max((abs(rotor.omega_rad_s) for rotor in film.rotors), default=0.0)
+    # What turns by a table has no speed of its own.
+    speeds = [abs(rotor.omega_rad_s) for rotor in film.rotors if rotor.motion != "table"]
+    omega = film.largest_drive * max(speeds, default=0.0)
     step = omega * clock.frame_interval_s
     blur = 0.5 * omega * clock.exposure_s
     ring = abs(math.sin(blur) / blur) if blur > 0.0 else 1.0
@@ -200,7 +206,14 @@ def _noted_times(film: Film) -> NDArray[Any] | None:
     return times if film.recorded is None else times[film.recorded]
 
 
+_OF_EFFECTS = ("drift.csv", "fiducials.csv", "camera.npz", "daq.csv")
+"""Files that not every scene has."""
+
+
 def _write_beside(scene: Scene, film: Film, folder: Path) -> None:
+    # An earlier film's must not be taken for this one's.
+    for name in _OF_EFFECTS:
+        (folder / name).unlink(missing_ok=True)
     table = truth.rotor_table(film.rotors, film.realised_rad_s())
     truth.write_csv(folder / "rotors.csv", table)
     if film.drift_nm:

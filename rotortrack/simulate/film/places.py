@@ -12,6 +12,12 @@ from rotortrack.simulate.film.options import LatticeOptions
 from rotortrack.simulate.film.streams import Effect, stream
 
 _TRIES = 2000
+"""Places that are tried at one distance, for few points."""
+
+_TRIES_A_POINT = 4
+
+_MOST_PORES = 10_000_000
+"""Places of a lattice about a field; more are a pitch in the wrong unit."""
 
 
 def lattice(
@@ -33,8 +39,18 @@ def lattice(
     Returns
     -------
     Places (x, y), shape (pores, 2): a random order of those that may hold rotors.
+
+    Raises
+    ------
+    ConfigurationError
+        The pitch makes more places than memory should hold.
     """
     reach = math.ceil(math.hypot(*size_nm) / options.pitch_nm)
+    if (2 * reach + 1) ** 2 > _MOST_PORES:
+        raise ConfigurationError(
+            f"a pitch_nm of {options.pitch_nm:g} makes too many places in a field of "
+            f"{size_nm[0]:.0f} x {size_nm[1]:.0f} nm: raise it"
+        )
     steps = options.pitch_nm * np.arange(-reach, reach + 1)
     across, down = (axis.ravel() for axis in np.meshgrid(steps, steps))
     turn = math.radians(options.rotation_deg)
@@ -84,14 +100,15 @@ def scatter(
     height, width = shape_px
     if min(shape_px) <= 2.0 * margin_px:
         raise ConfigurationError(
-            f"shape_px of {height} x {width} leaves no room for a spot: give each side more than "
-            f"{2.0 * margin_px:.0f} pixels"
+            f"a field of {width} x {height} px leaves no room for rotors, which stay "
+            f"{margin_px:.1f} px off its edges: raise width_px and height_px in [film], or name "
+            "places by x_nm and y_nm"
         )
     low = np.array([margin_px, margin_px]) * pixel_size_nm
     high = np.array([width - margin_px, height - margin_px]) * pixel_size_nm
     while True:
         placed = np.empty((0, 2))
-        for candidate in rng.uniform(low, high, (_TRIES, 2)):
+        for candidate in rng.uniform(low, high, (max(_TRIES, _TRIES_A_POINT * count), 2)):
             if np.all(np.hypot(*(placed - candidate).T) >= separation_nm):
                 placed = np.vstack([placed, candidate])
             if len(placed) >= count:

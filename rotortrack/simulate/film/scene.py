@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -93,6 +93,15 @@ _NOT_OF_TABLES = (
 )
 """Options for which rotors of a table have no use."""
 
+_OF_SECOND_ENDS = ("second_radius_nm", "second_phase_deg", "second_photons")
+_OF_CIRCLES = ("radius_nm", "second_radius_nm", "second_phase_deg")
+
+_OF_THE_OTHER_MODEL = {
+    "airy": ("gaussian", ("sigma_nm", "defocus_nm", "depth_nm", "astigmatism_nm")),
+    "gaussian": ("airy", ("wavelength_nm", "numerical_aperture")),
+}
+"""Options of [psf] that its model has no use for, and whose they are."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FilmScene:
@@ -170,23 +179,24 @@ class FilmScene:
             changes["rotors"] = tuple(replace(group, ends=1) for group in self.rotors)
         return replace(self, **changes)
 
-    def mistakes(self, *, has_rod: bool, has_field: bool) -> Iterator[str]:
+    def mistakes(self, named: Collection[str] = ()) -> Iterator[str]:
         """Tell what contradicts itself, sentence by sentence.
 
         Parameters
         ----------
-        has_rod, has_field
-            Whether the scene has the sections [rod] and [field].
+        named
+            Sections of the scene beside those here: [rod], [field], and such as are None because
+            they hold mistakes of their own.
         """
         for name, needed in _NEEDS.items():
             for other in needed:
-                if getattr(self, name) and not getattr(self, other):
+                if getattr(self, name) and not (getattr(self, other) or other in named):
                     brackets = f"[[{other}]]" if other == "rotors" else f"[{other}]"
                     yield f"[{name}] needs {brackets}: add it, or leave [{name}] out"
         yield from self._mistakes_of_time()
         yield from self._mistakes_of_light()
         for number, group in enumerate(self.rotors, 1):
-            for mistake in self._mistakes_of(group, has_rod=has_rod, has_field=has_field):
+            for mistake in self._mistakes_of(group, named):
                 yield f"[rotors {number}] {mistake}"
 
     def _mistakes_of_time(self) -> Iterator[str]:
@@ -233,10 +243,10 @@ class FilmScene:
             for name in ("counts", "lengths_nm"):
                 if len(getattr(self.dyes, name)) != 2:
                     yield f"[dyes] {name} must be two numbers, of the first and the second end"
-        if self.psf is not None and self.psf.model == "airy":
-            wrong = [name for name in ("defocus_nm", "astigmatism_nm") if getattr(self.psf, name)]
-            for name in wrong:
-                yield f"[psf] {name} belongs to the model gaussian"
+        if self.psf is not None:
+            other, names = _OF_THE_OTHER_MODEL[self.psf.model]
+            for name in _given(self.psf, names):
+                yield f"[psf] {name} belongs to the model {other}"
         if self.camera is not None and self.camera.camera_maps and self.pixel_maps is not None:
             yield "[pixel_maps] makes maps, but [camera] camera_maps has some: keep one of them"
         if self.split is not None:
@@ -244,30 +254,33 @@ class FilmScene:
             if getattr(self.film, side) % 2:
                 yield f"[film] {side} must be even, to be split"
 
-    def _mistakes_of(
-        self, group: RotorsOptions, *, has_rod: bool, has_field: bool
-    ) -> Iterator[str]:
-        defaults = RotorsOptions()
-        for name, motions in _OF_ONE_KIND.items():
-            if getattr(group, name) != getattr(defaults, name) and group.motion not in motions:
+    def _mistakes_of(self, group: RotorsOptions, named: Collection[str]) -> Iterator[str]:
+        for name in _given(group, _OF_ONE_KIND):
+            motions = _OF_ONE_KIND[name]
+            if group.motion not in motions:
                 yield f"{name} belongs to motion {' and '.join(motions)}, not to {group.motion}"
         if group.motion == "table":
             if group.table is None:
                 yield "motion table needs table: name a file"
-            for name in _NOT_OF_TABLES:
-                if getattr(group, name) != getattr(defaults, name):
-                    yield f"{name} has no use for motion table: the table tells where rotors are"
+            for name in _given(group, _NOT_OF_TABLES):
+                yield f"{name} has no use for motion table: the table tells where rotors are"
         elif group.motion != "stuck" and group.motion not in ("driven", "switching"):
             least = group.diffusion_rad2_s
             if (least[0] if isinstance(least, tuple) else least) <= 0.0:
                 yield f"diffusion_rad2_s must be above 0 for motion {group.motion}"
+        if group.ends == 1:
+            for name in _given(group, _OF_SECOND_ENDS):
+                yield f"{name} belongs to ends = 2"
+        if group.shape != "circle":
+            for name in _given(group, _OF_CIRCLES):
+                yield f"{name} belongs to shape circle: a rod tells where its ends are"
         if group.shape == "rod":
-            for has, name in ((has_rod, "rod"), (has_field, "field")):
-                if not has:
+            for name in ("rod", "field"):
+                if name not in named:
                     yield f"shape rod needs [{name}]: add it"
         if group.own_rate and (group.shape == "circle" or group.motion != "driven"):
             yield "own_rate needs motion driven and the shape of a rod"
-        if group.ends == 2 and self.split is None:
+        if group.ends == 2 and self.split is None and "split" not in named:
             yield "ends = 2 needs [split], where the second colour is seen"
         yield from self._mistakes_of_places(group)
 
@@ -286,6 +299,12 @@ class FilmScene:
                 )
         if group.leave_s is not None and _least(group.leave_s) <= _most(group.arrive_s):
             yield "leave_s must be after arrive_s"
+
+
+def _given(options: Options, names: Iterable[str]) -> list[str]:
+    """Say which options have another value than their default."""
+    defaults = type(options)()
+    return [name for name in names if getattr(options, name) != getattr(defaults, name)]
 
 
 def _least(value: Any) -> float:

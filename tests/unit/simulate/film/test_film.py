@@ -6,6 +6,7 @@ import math
 import sys
 import tomllib
 import tracemalloc
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -13,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotortrack.errors import ConfigurationError
+from rotortrack.errors import AliasingWarning, ConfigurationError
 from rotortrack.motion.trigger import frame_clock, rising_edges
 from rotortrack.movies.tiff import open_movie
 from rotortrack.settings import Layer
 from rotortrack.simulate.film.film import Film
-from rotortrack.simulate.film.filming import film_scene, truth_folder
+from rotortrack.simulate.film.filming import film_scene, truth_folder, warn_of_aliases
 from rotortrack.simulate.film.population import draw_rotors
 from rotortrack.simulate.film.scene import FilmScene
 from rotortrack.simulate.scene import make_scene, read_scene
@@ -358,3 +359,40 @@ def test_a_film_without_rotors_or_camera_is_written_too(tmp_path):
         assert np.all(opened.frames(0, 30) == 5.0)
     assert pd.read_parquet(tmp_path / "film.truth" / "spots.parquet").empty
     assert pd.read_csv(tmp_path / "film.truth" / "rotors.csv").empty
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [("at 0.5 V.tif", "at 0.5 V.truth"), ("at 0.7 V.OME.tiff", "at 0.7 V.truth")],
+)
+def test_a_name_with_a_point_keeps_its_truth_to_itself(tmp_path, name, folder):
+    assert truth_folder(tmp_path / name) == tmp_path / folder
+
+
+def test_the_truth_of_an_earlier_film_is_not_left_beside_a_new_one(tmp_path):
+    movie = tmp_path / "film.tif"
+    film_scene(scene_of(drift={"total_nm": [90.0, 0.0]}, voltage={}, pixel_maps={}), movie)
+    folder = truth_folder(movie)
+    assert {"drift.csv", "daq.csv", "camera.npz"} <= {path.name for path in folder.iterdir()}
+    film_scene(scene_of(), movie)
+    assert {path.name for path in folder.iterdir()} == {
+        *("rotors.csv", "spots.parquet", "scene.toml", "config.toml"),
+    }
+
+
+def test_a_voltage_that_makes_a_rotor_alias_is_warned_of():
+    slow = [{"x_nm": [2000.0], "y_nm": [2000.0], "omega_rad_s": 600.0}]
+    film = {"exposure_s": None}
+    warn_of_aliases(film_of(scene_of(film=film, rotors=slow)))
+    scene = scene_of(film=film, rotors=slow, voltage={"voltages_mv": [-400.0]})
+    with pytest.warns(AliasingWarning, match="382 turns a second"):
+        warn_of_aliases(film_of(scene))
+
+
+def test_a_rotor_of_a_table_is_not_warned_of(tmp_path):
+    table = tmp_path / "places.csv"
+    table.write_text("frame,rotor,x_nm,y_nm\n0,0,900,900\n")
+    scene = scene_of(rotors=[{"motion": "table", "table": str(table)}])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_aliases(film_of(scene))

@@ -7,7 +7,7 @@ import pytest
 from rotortrack.errors import ConfigurationError
 from rotortrack.settings import Layer, parse_toml
 from rotortrack.simulate.film.scene import FILM_SECTIONS, within
-from rotortrack.simulate.scene import make_scene
+from rotortrack.simulate.scene import make_scene, read_scene
 from rotortrack.toml import to_toml
 
 
@@ -82,6 +82,23 @@ def test_every_mistake_is_told_at_once():
         assert any(words in sentence for sentence in told), (words, told)
 
 
+def test_a_section_with_mistakes_of_its_own_hides_and_makes_no_others():
+    told = mistakes_of(
+        "[film]\nwidth_px = -3\nexposure_s = 0.001\n[camera]\nbits = 40\n[pixel_maps]\n"
+        "[split]\nscale = 3\n[fiducials]\n[lattice]\n"
+        '[voltage]\ntimes_s = [0, 1]\n[[rotors]]\nmotion = "stuck"\narc_deg = 20\nends = 2\n'
+        "x_nm = [1e4]\ny_nm = [1e4]\n[rolling_shutter]\n[dropped]\nframes = [0, 7]\n"
+    )
+    assert sorted(told) == [
+        "[dropped] frames: frame 0 cannot be lost, a film begins with a frame",
+        "[rotors 1] arc_deg belongs to motion arc, not to stuck",
+        "[voltage] has 2 times_s and 1 voltages_mv: give as many",
+        "scene: [camera] bits must be at most 16, not 40",
+        "scene: [film] width_px must be greater than 0, not -3",
+        "scene: [split] scale must be at most 1.2, not 3",
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -96,6 +113,10 @@ def test_every_mistake_is_told_at_once():
         ("[film]\n[[rotors]]\narrive_s = [1, 2]\nleave_s = 2\n", "leave_s must be after"),
         ("[film]\nwidth_px = 33\n[split]\n", "width_px must be even"),
         ('[film]\n[psf]\nmodel = "airy"\ndefocus_nm = 3\n', "belongs to the model gaussian"),
+        ('[film]\n[psf]\nmodel = "airy"\nsigma_nm = 99\n', "sigma_nm belongs to the model gauss"),
+        ("[film]\n[psf]\nwavelength_nm = 520\n", "wavelength_nm belongs to the model airy"),
+        ("[film]\n[[rotors]]\nsecond_photons = 9\n", "second_photons belongs to ends = 2"),
+        ('[film]\n[[rotors]]\nshape = "a.npz"\nradius_nm = 9\n', "radius_nm belongs to shape circ"),
         ('[film]\n[camera]\ncamera_maps = "a.npz"\n[pixel_maps]\n', "keep one of them"),
         ("[film]\n[voltage]\ntimes_s = [1]\n[[rotors]]\n", "do not begin with 0"),
         ("[film]\n[[rotors]]\n[voltage]\nsample_hz = 1000\n", "give at least 2000"),
@@ -108,6 +129,22 @@ def test_every_mistake_is_told_at_once():
 )
 def test_what_contradicts_itself(text, words):
     assert any(words in sentence for sentence in mistakes_of(text))
+
+
+def test_files_that_a_scene_names_lie_where_it_lies(tmp_path, monkeypatch):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        '[film]\n[camera]\ncamera_maps = "maps.npz"\n[drift]\ntable = "drift.csv"\n[[rotors]]\n'
+        'motion = "table"\ntable = "deep/places.csv"\n[[rotors]]\nshape = "rod.npz"\n[[rotors]]\n'
+    )
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    film = read_scene(path, [Layer("--set", {"camera": {"camera_maps": "other.npz"}})]).film
+    assert film.camera.camera_maps == str(work / "other.npz")
+    assert film.drift.table == str(tmp_path / "drift.csv")
+    assert film.rotors[0].table == str(tmp_path / "deep" / "places.csv")
+    assert [group.shape for group in film.rotors] == ["circle", str(tmp_path / "rod.npz"), "circle"]
 
 
 def test_a_range_is_cut_evenly_or_by_its_logarithm():

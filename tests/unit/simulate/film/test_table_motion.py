@@ -193,7 +193,7 @@ def test_rotors_without_photons_draw_their_own_and_bleach(tmp_path):
 
 def test_options_that_tables_have_no_use_for_are_told(tmp_path):
     made = scene(written(tmp_path, SPOTS), rotors={"count": 3, "arrive_s": 1.0})
-    assert list(made.mistakes(has_rod=False, has_field=False)) == [
+    assert list(made.mistakes()) == [
         "[rotors 2] count has no use for motion table: the table tells where rotors are",
         "[rotors 2] arrive_s has no use for motion table: the table tells where rotors are",
     ]
