@@ -7,7 +7,7 @@ import pickle
 import pytest
 
 from rotortrack import errors
-from rotortrack.errors import ConfigurationError, RotortrackError, RotortrackWarning
+from rotortrack.errors import ConfigurationError, RegistrationError, RotortrackError, RotortrackWarning
 
 ERRORS = [
     thing
@@ -23,9 +23,12 @@ WARNINGS = [
 
 @pytest.mark.parametrize("kind", ERRORS)
 def test_errors_come_back_whole_from_a_worker_process(kind: type[RotortrackError]) -> None:
-    error = pickle.loads(pickle.dumps(kind("movie.tif is empty")))
+    given = ["movie.tif is empty"]
+    if issubclass(kind, RegistrationError):
+        given.insert(0, "no beads")
+    error = pickle.loads(pickle.dumps(kind(*given)))
     assert type(error) is kind
-    assert str(error) == "movie.tif is empty"
+    assert str(error) == ": ".join(given)
 
 
 def test_the_list_of_mistakes_comes_back_from_a_worker_process() -> None:
