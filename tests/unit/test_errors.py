@@ -7,7 +7,12 @@ import pickle
 import pytest
 
 from rotortrack import errors
-from rotortrack.errors import ConfigurationError, RegistrationError, RotortrackError, RotortrackWarning
+from rotortrack.errors import (
+    ConfigurationError,
+    RegistrationError,
+    RotortrackError,
+    RotortrackWarning,
+)
 
 ERRORS = [
     thing

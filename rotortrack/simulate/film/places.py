@@ -101,8 +101,8 @@ def scatter(
     if min(shape_px) <= 2.0 * margin_px:
         raise ConfigurationError(
             f"a field of {width} x {height} px leaves no room for rotors, which stay "
-            f"{margin_px:.1f} px off its edges: raise width_px and height_px in [film] (shape_px in "
-            "a script), or name places by x_nm and y_nm"
+            f"{margin_px:.1f} px off its edges: raise width_px and height_px in [film] (shape_px "
+            "in a script), or name places by x_nm and y_nm"
         )
     low = np.array([margin_px, margin_px]) * pixel_size_nm
     high = np.array([width - margin_px, height - margin_px]) * pixel_size_nm
