@@ -27,7 +27,7 @@ from rotortrack.pipeline.folder_tables import SCHEMAS, files_of, write
 from rotortrack.pipeline.guard import refuse_other_results
 from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
-from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
+from rotortrack.pipeline.parts import remove_work, sweep_work
 from rotortrack.pipeline.provenance import Record
 from rotortrack.tables import DRIFT, empty
 from rotortrack.toml import to_toml
@@ -88,7 +88,7 @@ class RunFolder:
             It holds results of other files, or an input is one of its results.
         """
         made = not path.exists()
-        make_folder(path)
+        files.make_folder(path)
         folder = cls(path)
         try:
             with locks.locked(path, task):
@@ -264,7 +264,7 @@ class RunFolder:
             command = str(record.content["command"])
             content["unfinished"] = {"command": command, "stage": unfinished, "reason": "begun"}
         shutil.rmtree(staged, ignore_errors=True)
-        make_folder(staged)
+        files.make_folder(staged)
         try:
             for name, table in tables.items():
                 for path in files_of(staged, SCHEMAS[name]):
