@@ -40,11 +40,29 @@ def log_density(
 
     Returns
     -------
-    Shape (n,), per nm; minus infinity at a length of 0.
+    Shape (n,), per nm; minus infinity at a length of 0. Errors are below 1e-8.
+    """
+    return log_density_slopes(lengths_nm, noise_nm, mean_nm, breathing_nm)[:, 0]
+
+
+def log_density_slopes(
+    lengths_nm: Floats, noise_nm: Floats, mean_nm: float, breathing_nm: float
+) -> Floats:
+    """Give the logarithm of the density of measured lengths, and how it changes.
+
+    Parameters
+    ----------
+    lengths_nm, noise_nm, mean_nm, breathing_nm
+        As of `log_density`.
+
+    Returns
+    -------
+    Shape (n, 4): the logarithm, and its derivatives by the mean, by the breathing (both per nm)
+    and by the logarithm of the noise; where a length is 0, minus infinity and nan.
     """
     lengths = np.ascontiguousarray(lengths_nm, np.float64)
     noise = np.ascontiguousarray(noise_nm, np.float64)
-    values = np.empty(lengths.size)
+    values = np.empty((lengths.size, 4))
     fill_log_densities(
         lengths, noise, float(mean_nm), float(breathing_nm), _NODES, _WEIGHTS, values
     )
@@ -61,42 +79,65 @@ def fill_log_densities(
     weights: Floats,
     values: Floats,
 ) -> None:
-    """Fill in the logarithm of the density of every length, by Gauss-Legendre on both peaks."""
+    """Fill in logarithm and derivatives of every length, by Gauss-Legendre on both peaks."""
     for i in range(lengths.size):
-        r, s = lengths[i], noise[i]
-        if r == 0.0:
-            values[i] = -np.inf
+        s = noise[i]
+        if lengths[i] == 0.0:
+            values[i, 0] = -np.inf
+            values[i, 1:] = np.nan
             continue
         # In units of the noise, so that no square leaves the range of numbers.
-        r, m, b = r / s, mean / s, breathing / s
+        r, m, b = lengths[i] / s, mean / s, breathing / s
         along = 1.0 + b * b
         steep = m / along * r
         bent = 0.5 * r * r * (b * b / along)
-        total = _peak(steep, bent, nodes, weights)
+        total, versed, squared = _peak(steep, bent, nodes, weights)
         if 2.0 * steep < _NEGLIGIBLE:
-            total += np.exp(-2.0 * steep) * _peak(-steep, bent, nodes, weights)
-        off = r - m
-        values[i] = (
-            np.log(r / (s * np.pi * np.sqrt(along))) - 0.5 * off * off / along + np.log(total)
+            share = np.exp(-2.0 * steep)
+            other, other_versed, other_squared = _peak(-steep, bent, nodes, weights)
+            total += share * other
+            versed += share * (2.0 * other - other_versed)
+            squared += share * other_squared
+        versed /= total
+        squared /= total
+        off = (r - m) / along
+        by_mean = off - r / along * versed
+        by_square = (
+            0.5 * (off * off - 1.0 / along)
+            + (m / along) * (r / along) * versed
+            - 0.5 * (r / along) ** 2 * squared
         )
+        by_length = 1.0 - r * off - steep * versed - 2.0 * bent * squared
+        values[i, 0] = (
+            np.log(r / (s * np.pi * np.sqrt(along))) - 0.5 * off * (r - m) + np.log(total)
+        )
+        values[i, 1] = by_mean / s
+        values[i, 2] = 2.0 * b * by_square / s
+        values[i, 3] = -1.0 - by_length - m * by_mean - 2.0 * b * b * by_square
 
 
 @kernel
-def _peak(steep: float, bent: float, nodes: Floats, weights: Floats) -> float:
+def _peak(
+    steep: float, bent: float, nodes: Floats, weights: Floats
+) -> tuple[float, float, float]:
     """Integrate exp(-steep (1 - cos u) - bent sin^2 u) over u from 0 to where it is nothing.
 
-    Over t = sin(u / 2), which needs no sine: 1 - cos u = 2 t^2, du = 2 dt / sqrt(1 - t^2).
+    Over t = sin(u / 2), which needs no sine: 1 - cos u = 2 t^2, du = 2 dt / sqrt(1 - t^2). Returned
+    are the integral, and those of the integrand times 1 - cos u and times sin^2 u.
     """
     curved = steep + 2.0 * bent
     end = np.sqrt(0.5)
     if curved > (_WINDOW / (0.5 * np.pi)) ** 2:
         end = np.sin(0.5 * _WINDOW / np.sqrt(curved))
-    total = 0.0
+    total = versed = squared = 0.0
     for j in range(nodes.size):
         t = 0.5 * end * (1.0 + nodes[j])
         square = t * t
         rest = 1.0 - square
-        total += (
+        part = (
             weights[j] * np.exp(-2.0 * steep * square - 4.0 * bent * square * rest) / np.sqrt(rest)
         )
-    return end * total
+        total += part
+        versed += part * 2.0 * square
+        squared += part * 4.0 * square * rest
+    return end * total, end * versed, end * squared
