@@ -165,10 +165,12 @@ def warm_up(draw: Draw | None = None) -> None:
     from rotortrack.settings import Layer
     from rotortrack.simulate.film import warm as film
     from rotortrack.simulate.rod import warm as rod
+    from rotortrack.twocolour.distance import true_distance
 
     compile_kernels()
     rod.compile_kernels()
     film.compile_kernels()
+    true_distance(np.linspace(20.0, 40.0, 10), np.full(10, 10.0))
     with _temporary_folder() as folder, warnings.catch_warnings(record=True):
         options = _write_film(folder / "movie.tif")
         for method in (*METHODS, *QUICK_METHODS):

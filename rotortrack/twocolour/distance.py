@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
-from rotortrack.twocolour.distance_law import log_density
+from rotortrack.twocolour.distance_law import log_density_slopes
 
 Floats = NDArray[np.float64]
 
@@ -27,12 +27,14 @@ _BREATHES = 2.71
 
 _INTERVAL = 3.84
 _TOLD_SD = 1.96
-_FAR_SD = 5.0
+_FAR_SD, _SMALL_SD = 30.0, 0.05
 _LARGEST_SCALE = 1.5
 _STEP = 3e-3
 _LIKE, _BIN = 0.08, 0.05
 _SETTLED = 1e-3
 _KNOWN_SD = 1e-4
+_FEWEST = 10
+_DOUBTFUL_SD = 2.0
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,12 @@ class Distance:
     ----------
     default, known, free
         Fits with the noise drawn to, fixed at, and free of what the uncertainties tell.
+    n_independent
+        How many independent distances the frames are worth, where breathing keeps from frame to
+        frame; the number of frames where nothing breathes.
+    lasting_sd_nm
+        Standard deviation of the default mean as that of the rod in any other film: with so few
+        independent distances.
     told_noise_nm
         Noise of the vector per axis as they tell it, rms.
     plain_mean_nm
@@ -82,6 +90,8 @@ class Distance:
     default: Estimate
     known: Estimate
     free: Estimate
+    n_independent: float
+    lasting_sd_nm: float
     told_noise_nm: float
     plain_mean_nm: float
     moment_nm: float
@@ -111,8 +121,10 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
 
     Notes
     -----
-    Errors take the noise of frames as independent. They are those of the mean over these frames:
-    a rod that breathes slowly may have another mean in another film.
+    Errors take frames as independent, and are those of the mean over these frames. A rod that
+    breathes slowly may have another mean in another film: `lasting_sd_nm` is wider by the ratio of
+    frames to independent distances, which are counted by the autocovariance of squared lengths.
+    Noise does not enter it, as that of two frames is independent.
     """
     lengths = np.asarray(lengths_nm, np.float64)
     noise = np.asarray(noise_nm, np.float64)
@@ -124,20 +136,29 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
     # A length of exactly 0 has no logarithm; a millionth of the noise is none of anybody's.
     data = _gathered(np.maximum(lengths, 1e-6 * told), noise, told)
     square = float(np.mean(lengths**2)) - 2.0 * told**2
-    breathes = _breathes(data, noise_prior)
-    default = _fit(data, noise_prior, breathes=breathes)
-    known = default if noise_prior <= _KNOWN_SD else _fit(data, 0.0, breathes=breathes)
+    rigid, breathing = _bests(data, noise_prior)
+    breathes = 2.0 * (rigid.cost - breathing.cost) > _BREATHES
+    best = breathing if breathes else rigid
+    default = _fit(data, noise_prior, best, breathes=breathes)
+    known = default
+    if noise_prior > _KNOWN_SD:
+        known = _fit(
+            data, 0.0, _least(data, 0.0, best.place, breathes=breathes), breathes=breathes
+        )
+    free = _least(data, math.inf, best.place, breathes=breathes)
+    variance = default.breathing_nm**2
+    breaths = _independent(lengths, noise) if breathes else float(lengths.size)
+    lasting = default.mean_sd_nm**2 + variance * (1.0 / breaths - 1.0 / lengths.size)
     return Distance(
         default=default,
         known=known,
-        free=_fit(data, math.inf, breathes=breathes),
+        free=_fit(data, math.inf, free, breathes=breathes),
+        n_independent=breaths,
+        lasting_sd_nm=math.sqrt(lasting),
         told_noise_nm=told,
         plain_mean_nm=float(lengths.mean()),
         moment_nm=math.sqrt(max(square, 0.0)),
     )
-
-
-_FEWEST = 10
 
 
 @dataclass(frozen=True)
@@ -169,13 +190,47 @@ class _Data:
         variance = float(self.counts @ (self.lengths - mean) ** 2 / self.counts.sum())
         return math.sqrt(variance) / self.unit
 
-    def cost(self, mean: float, breathing: float, log_scale: float, prior: float) -> float:
-        """Give minus the logarithm of likelihood and prior; mean and breathing in units of noise."""
-        values = log_density(
-            self.lengths, math.exp(log_scale) * self.noise, mean * self.unit, breathing * self.unit
+    def cost(
+        self, mean: float, breathing: float, log_scale: float, prior: float
+    ) -> tuple[float, Floats]:
+        """Give minus the logarithm of likelihood and prior, and its slope by each of the three.
+
+        Mean and breathing are in units of noise.
+        """
+        noise = math.exp(log_scale) * self.noise
+        sums = self.counts @ log_density_slopes(
+            self.lengths, noise, mean * self.unit, breathing * self.unit
         )
-        drawn = 0.0 if math.isinf(prior) or prior == 0.0 else 0.5 * (log_scale / prior) ** 2
-        return drawn - float(self.counts @ values)
+        slope = -sums[1:] * (self.unit, self.unit, 1.0)
+        cost = -float(sums[0])
+        if 0.0 < prior < math.inf:
+            cost += 0.5 * (log_scale / prior) ** 2
+            slope[2] += log_scale / prior**2
+        return cost, slope
+
+
+def _independent(lengths: Floats, noise: Floats) -> float:
+    """Count the independent distances, between 1 and the number of frames.
+
+    Squared lengths covary from frame to frame by their true distances alone. The covariances are
+    summed over lags up to the first that is less than twice its standard deviation were there none
+    (Geyer's rule for a positive sequence, Statistical Science 7, 473, 1992, with a bound for noise).
+    The covariance at lag 0, which holds noise, is replaced by one on the line through lags 1 and 2.
+    """
+    n = lengths.size
+    squares = lengths**2 - 2.0 * noise**2
+    squares -= squares.mean()
+    padded = np.fft.rfft(squares, 1 << (2 * n - 1).bit_length())
+    covariance = np.fft.irfft(np.abs(padded) ** 2)[:n] / np.arange(n, 0, -1)
+    least = _DOUBTFUL_SD * covariance[0] / math.sqrt(n)
+    weak = np.flatnonzero(covariance[1:] < least)
+    kept = covariance[1 : 1 + (int(weak[0]) if weak.size else n - 1)]
+    if kept.size == 0:
+        return float(n)
+    at_once = 2.0 * kept[0] - kept[1] if kept.size > 1 else kept[0]
+    lags = np.arange(1, kept.size + 1)
+    together = 1.0 + 2.0 * float(np.sum((1.0 - lags / n) * kept)) / min(at_once, covariance[0])
+    return float(np.clip(n / together, 1.0, n))
 
 
 def _gathered(lengths: Floats, noise: Floats, told: float) -> _Data:
@@ -204,26 +259,21 @@ class _Best:
     cost: float
 
 
-def _breathes(data: _Data, prior: float) -> bool:
-    """Tell whether breathing explains the lengths clearly better than a constant distance."""
-    rigid = _least(data, prior, _start(data, breathes=False), breathes=False)
-    breathing = _least(data, prior, _start(data, breathes=True), breathes=True)
-    return 2.0 * (rigid.cost - breathing.cost) > _BREATHES
-
-
-def _start(data: _Data, *, breathes: bool) -> tuple[float, float, float]:
+def _bests(data: _Data, prior: float) -> tuple[_Best, _Best]:
+    """Find the best place of a constant distance and of one that breathes."""
     mean = math.sqrt(max(data.mean_square, 0.25))
-    return mean, math.sqrt(max(data.spread**2 - 1.0, 0.01)) if breathes else 0.0, 0.0
+    rigid = _least(data, prior, (mean, 0.0, 0.0), breathes=False)
+    width = math.sqrt(max(data.spread**2 - 1.0, 0.01))
+    return rigid, _least(data, prior, (mean, width, 0.0), breathes=True)
 
 
-def _fit(data: _Data, prior: float, *, breathes: bool) -> Estimate:
-    """Find the best place, and its errors."""
-    scaled = prior > _KNOWN_SD
-    best = _least(data, prior, _start(data, breathes=breathes), breathes=breathes)
+def _fit(data: _Data, prior: float, best: _Best, *, breathes: bool) -> Estimate:
+    """Give the best place with its errors."""
     covariance = _covariance(data, prior, best, breathes=breathes)
     mean, width, log_scale = best.place
-    mean_sd = math.sqrt(covariance[0, 0])
-    low, high = _interval(data, prior, best, mean_sd, breathes=breathes)
+    low, high, mean_sd = _interval(
+        data, prior, best, math.sqrt(covariance[0, 0]), breathes=breathes
+    )
     scale = math.exp(log_scale)
     return Estimate(
         mean_nm=mean * data.unit,
@@ -233,8 +283,13 @@ def _fit(data: _Data, prior: float, *, breathes: bool) -> Estimate:
         breathing_nm=width * data.unit,
         breathing_sd_nm=math.sqrt(covariance[1, 1]) * data.unit if breathes else math.nan,
         scale=scale,
-        scale_sd=scale * math.sqrt(covariance[2, 2]) if scaled else 0.0,
+        scale_sd=scale * math.sqrt(covariance[2, 2]) if prior > _KNOWN_SD else 0.0,
     )
+
+
+def _free(prior: float, *, breathes: bool) -> list[int]:
+    """List which of mean, breathing and log scale are fitted."""
+    return [0, *([1] if breathes else []), *([2] if prior > _KNOWN_SD else [])]
 
 
 def _least(
@@ -246,56 +301,52 @@ def _least(
     mean: float | None = None,
 ) -> _Best:
     """Find the least cost over what is free: the mean unless it is given, breathing, the scale."""
-    scaled = prior > _KNOWN_SD
-    largest = data.largest
-    limit = math.log(_LARGEST_SCALE)
-    free = [(0, (0.0, largest))] if mean is None else []
-    free += [(1, (0.0, largest))] if breathes else []
-    free += [(2, (-limit, limit))] if scaled else []
-    fixed = [start[0] if mean is None else mean, start[1] if breathes else 0.0, start[2]]
-    if not scaled:
-        fixed[2] = 0.0
-
-    def cost(values: Floats) -> float:
-        place = list(fixed)
-        for (index, _), value in zip(free, values.tolist(), strict=True):
-            place[index] = value
-        return data.cost(*place, prior)
-
+    free = _free(prior, breathes=breathes)
+    place = np.where(np.isin(np.arange(3), free), start, 0.0)
+    if mean is not None:
+        free, place[0] = free[1:], mean
     if not free:
-        return _Best((fixed[0], fixed[1], fixed[2]), cost(np.empty(0)))
-    bounds = [bound for _, bound in free]
-    at = np.clip([fixed[index] for index, _ in free], *np.transpose(bounds))
+        return _Best(_three(place), data.cost(*_three(place), prior)[0])
+    limit = math.log(_LARGEST_SCALE)
+    bounds = np.array([(0.0, data.largest), (0.0, data.largest), (-limit, limit)])[free]
+
+    def cost(values: Floats) -> tuple[float, Floats]:
+        there = place.copy()
+        there[free] = values
+        value, slope = data.cost(*_three(there), prior)
+        return value, slope[free]
+
     found = minimize(
-        cost, at, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-12, "gtol": 1e-4}
+        cost,
+        np.clip(place[free], bounds[:, 0], bounds[:, 1]),
+        method="L-BFGS-B",
+        jac=True,
+        bounds=bounds,
+        options={"ftol": 1e-12, "gtol": 1e-4},
     )
-    place = list(fixed)
-    for (index, _), value in zip(free, found.x.tolist(), strict=True):
-        place[index] = value
-    return _Best((place[0], place[1], place[2]), float(found.fun))
+    place[free] = found.x
+    return _Best(_three(place), float(found.fun))
 
 
-def _covariance(data: _Data, prior: float, best: _Best, *, breathes: bool) -> NDArray[np.float64]:
+def _three(place: Floats) -> tuple[float, float, float]:
+    return float(place[0]), float(place[1]), float(place[2])
+
+
+def _covariance(data: _Data, prior: float, best: _Best, *, breathes: bool) -> Floats:
     """Invert the curvature of the cost over what is free; zero elsewhere."""
-    free = [0, *([1] if breathes else []), *([2] if prior > _KNOWN_SD else [])]
-    place = np.array(best.place)
-    # Where the mean is 0 the cost is even in it, and its curvature that of either side.
-    step = np.full(3, _STEP)
+    free = _free(prior, breathes=breathes)
+    even = np.array([1.0, 1.0, 0.0])
 
-    def cost(shift: Floats) -> float:
-        mean, width, log_scale = place + shift
-        return data.cost(abs(mean), abs(width), log_scale, prior)
+    def slope(index: int, step: float) -> Floats:
+        there = np.array(best.place)
+        there[index] += step
+        # The cost is even in mean and breathing, so that its slope is odd in both.
+        turned = np.where((even > 0.0) & (there < 0.0), -1.0, 1.0)
+        return turned * data.cost(*_three(turned * there), prior)[1]
 
-    curvature = np.zeros((len(free), len(free)))
-    for row, first in enumerate(free):
-        for column, second in enumerate(free[: row + 1]):
-            one, other = np.zeros(3), np.zeros(3)
-            one[first], other[second] = step[first], step[second]
-            bent = cost(one + other) - cost(one - other) - cost(other - one) + cost(-one - other)
-            curvature[row, column] = curvature[column, row] = bent / (
-                4.0 * step[first] * step[second]
-            )
-    values, vectors = np.linalg.eigh(curvature)
+    rows = [(slope(k, _STEP) - slope(k, -_STEP))[free] / (2.0 * _STEP) for k in free]
+    curvature = np.array(rows)
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     # A direction that the lengths do not tell at all has no curvature, or a negative one by rounding.
     least = 1e-9 * max(float(values.max()), 1.0)
     inverse = (vectors / np.maximum(values, least)) @ vectors.T
@@ -306,29 +357,36 @@ def _covariance(data: _Data, prior: float, best: _Best, *, breathes: bool) -> ND
 
 def _interval(
     data: _Data, prior: float, best: _Best, mean_sd: float, *, breathes: bool
-) -> tuple[float, float]:
-    """Give the 95 % interval of the mean, in units of noise."""
+) -> tuple[float, float, float]:
+    """Give the 95 % interval of the mean and its standard deviation, in units of noise.
+
+    Where the curvature cannot be trusted the standard deviation is that of a normal law with the
+    interval's upper part.
+    """
     mean = best.place[0]
-    if mean > _FAR_SD * max(mean_sd, 1.0) and mean_sd < 0.2:
-        return mean - _TOLD_SD * mean_sd, mean + _TOLD_SD * mean_sd
+    if mean > _FAR_SD * mean_sd and mean_sd < _SMALL_SD:
+        return mean - _TOLD_SD * mean_sd, mean + _TOLD_SD * mean_sd, mean_sd
 
     def excess(at: float) -> float:
         there = _least(data, prior, best.place, breathes=breathes, mean=at)
         return 2.0 * (there.cost - best.cost) - _INTERVAL
 
     low = 0.0
-    if excess(0.0) > 0.0 and mean > 0.0:
+    if mean > 0.0 and excess(0.0) > 0.0:
         low = _crossing(excess, 0.0, mean)
-    reach = max(3.0 * mean_sd, 0.1)
     top = data.largest
+    reach = min(max(2.0 * mean_sd, 0.1), 1.0)
     high = mean + reach
-    while excess(high) < 0.0 and high < top:
+    while high < top and excess(high) < 0.0:
+        reach *= 1.5
         high += reach
     if high < top:
         high = _crossing(excess, high, mean)
-    return low, min(high, top)
+    high = min(high, top)
+    sides = 0.5 * (high - low) if low > 0.0 else high - mean
+    return low, high, sides / _TOLD_SD
 
 
 def _crossing(excess: Callable[[float], float], outside: float, inside: float) -> float:
     """Find where the profile crosses its bound; inside lies the best place."""
-    return float(brentq(lambda at: excess(at), outside, inside, xtol=_SETTLED))
+    return float(brentq(excess, outside, inside, xtol=_SETTLED))
