@@ -1,11 +1,11 @@
 """The true end-to-end distance of a rotor, from lengths that noise makes too long.
 
-Noise adds to a distance: at 50 nm with 30 nm per axis the mean of the measured lengths reads 60 nm,
-and their median hardly less. The law of `distance_law` is fitted to the lengths instead, by maximum
-likelihood, three times: with the noise as the uncertainties tell it, with its scale free, and, as the
-default, with a scale that a prior of some per cent draws to 1. A rod breathes where the likelihood
-says so (a ratio test at 5 %): else its distance is taken to be constant, which the lengths could
-not tell from a little breathing.
+Noise adds to a distance: at 50 nm with 30 nm per axis the mean of the measured lengths reads 60
+nm, and their median hardly less. The law of `distance_law` is fitted to the lengths instead, by
+maximum likelihood, three times: with the noise as the uncertainties tell it, with its scale free,
+and, as the default, with a scale that a prior of some per cent draws to 1. A rod breathes where the
+likelihood says so (a ratio test at 5 %): else its distance is taken to be constant, which the
+lengths could not tell from a little breathing.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ _FEWEST = 10
 
 @dataclass(frozen=True)
 class _Data:
-    """Lengths and their noise, gathered where they are nearly equal, and how many there are of each.
+    """Lengths and their noise, gathered where they are nearly equal, and how many of each.
 
     `unit` is the noise in which places are counted, `largest` the largest length in it.
     """
@@ -170,7 +170,7 @@ class _Data:
         return math.sqrt(variance) / self.unit
 
     def cost(self, mean: float, breathing: float, log_scale: float, prior: float) -> float:
-        """Give minus the logarithm of likelihood and prior; mean and breathing in units of noise."""
+        """Give minus the log of likelihood and prior; mean and breathing in units of noise."""
         values = log_density(
             self.lengths, math.exp(log_scale) * self.noise, mean * self.unit, breathing * self.unit
         )
@@ -260,7 +260,7 @@ def _least(
         place = list(fixed)
         for (index, _), value in zip(free, values.tolist(), strict=True):
             place[index] = value
-        return data.cost(*place, prior)
+        return data.cost(place[0], place[1], place[2], prior)
 
     if not free:
         return _Best((fixed[0], fixed[1], fixed[2]), cost(np.empty(0)))
@@ -296,7 +296,7 @@ def _covariance(data: _Data, prior: float, best: _Best, *, breathes: bool) -> ND
                 4.0 * step[first] * step[second]
             )
     values, vectors = np.linalg.eigh(curvature)
-    # A direction that the lengths do not tell at all has no curvature, or a negative one by rounding.
+    # A direction that the lengths do not tell has no curvature, or a negative one by rounding.
     least = 1e-9 * max(float(values.max()), 1.0)
     inverse = (vectors / np.maximum(values, least)) @ vectors.T
     whole = np.zeros((3, 3))

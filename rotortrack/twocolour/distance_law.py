@@ -2,14 +2,14 @@
 
 The true distance of both ends is m + b g with g standard normal: mean m, breathing b. Noise of
 standard deviation s per axis is added to the vector, so that along its own direction the measured
-vector is normal about m with the variance A = s^2 + b^2, and across normal about 0 with B = s^2. Its
-direction is not used: a rotor turns. The length r then has the density (Beckmann, 1962; Rice's for
-b = 0)
+vector is normal about m with the variance A = s^2 + b^2, and across normal about 0 with B = s^2.
+Its direction is not used: a rotor turns. The length r then has the density (Beckmann, 1962; Rice's
+for b = 0)
 
     f(r) = r / (2 pi sqrt(A B)) int exp(-(r cos u - m)^2 / 2 A - (r sin u)^2 / 2 B) du.
 
-The integrand peaks at u = 0 and, where the law is wide, at u = pi; each peak is integrated by itself
-over the part that counts.
+The integrand peaks at u = 0 and, where the law is wide, at u = pi; each peak is integrated by
+itself over the part that counts.
 """
 
 from __future__ import annotations
@@ -99,4 +99,4 @@ def _peak(steep: float, bent: float, nodes: Floats, weights: Floats) -> float:
         total += (
             weights[j] * np.exp(-2.0 * steep * square - 4.0 * bent * square * rest) / np.sqrt(rest)
         )
-    return end * total
+    return float(end * total)

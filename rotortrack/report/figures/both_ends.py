@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
-from rotortrack.report.figures.canvas import NothingToDrawError
+from rotortrack.report.figures.canvas import Floats, NothingToDrawError
 
 MOST_ROTORS = 24
 _TILE_IN, _LABEL_IN = 1.75, 0.42
@@ -42,7 +43,8 @@ def figure(
         No rotor shows both ends.
     """
     both = ends.merge(rotors[["rotor", "x_nm", "y_nm"]], on="rotor").sort_values("rotor")
-    both = both[np.isfinite(both[["x_nm", "y_nm"]]).all(axis=1)].head(MOST_ROTORS)
+    placed = np.isfinite(both[["x_nm", "y_nm"]].to_numpy(np.float64)).all(axis=1)
+    both = both.loc[placed].head(MOST_ROTORS)
     if both.empty:
         raise NothingToDrawError("no rotor shows both ends")
     places = [_places(of_frames, of_spots, row) for row in both.to_dict("records")]
@@ -163,8 +165,8 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
 def _places(
     of_frames: Mapping[int, pd.DataFrame],
     of_spots: Mapping[int, pd.DataFrame],
-    row: dict[str, float],
-) -> tuple[np.ndarray, np.ndarray]:
+    row: Mapping[Any, Any],
+) -> tuple[Floats, Floats]:
     """Give the places of both ends about the rotor's centre, (frames, 2) each."""
     number = int(row["rotor"])
     spots = of_spots[number][["frame", "x_nm", "y_nm"]].drop_duplicates("frame")

@@ -104,11 +104,14 @@ def traces(
 
 def _examples(rotors: pd.DataFrame) -> pd.DataFrame:
     """Choose rotors from the shortest distance to the longest."""
-    known = rotors[np.isfinite(rotors["end_to_end_nm"].to_numpy(np.float64))]
-    ordered = known.sort_values(["end_to_end_nm", "rotor"], kind="stable")
+    known = rotors.loc[np.isfinite(rotors["end_to_end_nm"].to_numpy(np.float64))]
+    ordered: pd.DataFrame = known.sort_values(["end_to_end_nm", "rotor"], kind="stable")
     if len(ordered) <= MOST_TRACES:
         return ordered
-    return ordered.iloc[np.linspace(0, len(ordered) - 1, MOST_TRACES).round().astype(int)]
+    chosen: pd.DataFrame = ordered.iloc[
+        np.linspace(0, len(ordered) - 1, MOST_TRACES).round().astype(int)
+    ]
+    return chosen
 
 
 def _histogram(axes: Axes, values: Floats, edges: Floats, colour: str, what: str) -> None:
