@@ -118,7 +118,7 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
         raise NothingToDrawError("no rotor has an end-to-end axis")
     made = canvas.new_figure(8.2, 4.0)
     canvas.heading(made, f"End-to-end axes of {words.count(len(known), 'rotor')}", 0.3)
-    rose = made.add_axes((0.04, 0.1, 0.38, 0.68), projection="polar")
+    rose = made.add_axes((0.04, 0.08, 0.38, 0.64), projection="polar")
     angles = np.deg2rad(known["axis_deg"].to_numpy(np.float64))
     firm = known["order"].to_numpy(np.float64)
     edges = np.linspace(0, 2 * math.pi, 2 * _BINS + 1)
@@ -137,9 +137,11 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
     if pore_axis_deg is not None:
         for angle in (math.radians(pore_axis_deg), math.radians(pore_axis_deg) + math.pi):
             rose.plot([angle, angle], [0, 1.1 * top], color=style.VERMILLION, lw=1.5)
-    rose.set_yticks([top])
+    rose.set_yticks([])
     rose.tick_params(labelsize=7)
-    rose.set_title("rotors by mean axis" + (", pore axis red" if pore_axis_deg is not None else ""))
+    rose.set_title(
+        "rotors by mean axis" + (", pore axis red" if pore_axis_deg is not None else ""), y=1.13
+    )
     right = canvas.place(made, 4.5, 0.6, 3.3, 2.6)
     chance = known["order_p"].to_numpy(np.float64)
     for clear, colour, marker, label in (
