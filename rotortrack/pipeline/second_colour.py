@@ -114,7 +114,8 @@ def ends_of(
     Parameters
     ----------
     tables
-        localisations (with rotors, drift subtracted), second_localisations (as seen), drift, rotors.
+        localisations (with rotors, drift subtracted), second_localisations (as seen), drift and
+        rotors.
     registration
         How the second colour lies on the first.
     settings

@@ -1,11 +1,11 @@
 """The true end-to-end distance of a rotor, from lengths that noise makes too long.
 
-Noise adds to a distance: at 50 nm with 30 nm per axis the mean of the measured lengths reads 60 nm,
-and their median hardly less. The law of `distance_law` is fitted to the lengths instead, by maximum
-likelihood, three times: with the noise as the uncertainties tell it, with its scale free, and, as the
-default, with a scale that a prior of some per cent draws to 1. A rod breathes where the likelihood
-says so (a ratio test at 5 %): else its distance is taken to be constant, which the lengths could
-not tell from a little breathing.
+Noise adds to a distance: at 50 nm with 30 nm per axis the mean of the measured lengths reads 60
+nm, and their median hardly less. The law of `distance_law` is fitted to the lengths instead, by
+maximum likelihood, three times: with the noise as the uncertainties tell it, with its scale free,
+and, as the default, with a scale that a prior of some per cent draws to 1. A rod breathes where the
+likelihood says so (a ratio test at 5 %): else its distance is taken to be constant, which the
+lengths could not tell from a little breathing.
 """
 
 from __future__ import annotations
@@ -142,9 +142,7 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
     default = _fit(data, noise_prior, best, breathes=breathes)
     known = default
     if noise_prior > _KNOWN_SD:
-        known = _fit(
-            data, 0.0, _least(data, 0.0, best.place, breathes=breathes), breathes=breathes
-        )
+        known = _fit(data, 0.0, _least(data, 0.0, best.place, breathes=breathes), breathes=breathes)
     free = _least(data, math.inf, best.place, breathes=breathes)
     variance = default.breathing_nm**2
     breaths = _independent(lengths, noise) if breathes else float(lengths.size)
@@ -163,7 +161,7 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
 
 @dataclass(frozen=True)
 class _Data:
-    """Lengths and their noise, gathered where they are nearly equal, and how many there are of each.
+    """Lengths and their noise, gathered where they are nearly equal, and how many of each.
 
     `unit` is the noise in which places are counted, `largest` the largest length in it.
     """
@@ -214,7 +212,7 @@ def _independent(lengths: Floats, noise: Floats) -> float:
 
     Squared lengths covary from frame to frame by their true distances alone. The covariances are
     summed over lags up to the first that is less than twice its standard deviation were there none
-    (Geyer's rule for a positive sequence, Statistical Science 7, 473, 1992, with a bound for noise).
+    (Geyer's positive sequence, Statistical Science 7, 473, 1992, with a bound for noise).
     The covariance at lag 0, which holds noise, is replaced by one on the line through lags 1 and 2.
     """
     n = lengths.size
@@ -347,7 +345,7 @@ def _covariance(data: _Data, prior: float, best: _Best, *, breathes: bool) -> Fl
     rows = [(slope(k, _STEP) - slope(k, -_STEP))[free] / (2.0 * _STEP) for k in free]
     curvature = np.array(rows)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    # A direction that the lengths do not tell at all has no curvature, or a negative one by rounding.
+    # A direction that the lengths do not tell has no curvature, or a negative one by rounding.
     least = 1e-9 * max(float(values.max()), 1.0)
     inverse = (vectors / np.maximum(values, least)) @ vectors.T
     whole = np.zeros((3, 3))

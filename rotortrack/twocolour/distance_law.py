@@ -2,14 +2,15 @@
 
 The true distance of both ends is m + b g with g standard normal: mean m, breathing b. Noise of
 standard deviation s per axis is added to the vector, so that along its own direction the measured
-vector is normal about m with the variance A = s^2 + b^2, and across normal about 0 with B = s^2. Its
-direction is not used: a rotor turns. The length r then has the density (Beckmann, 1962; Rice's for
-b = 0)
+vector is normal about m with the variance A = s^2 + b^2, and across normal about 0 with B = s^2.
+Its direction is not used: a rotor turns. The length r then has the density (Beckmann, 1962; Rice's
+for b = 0)
 
     f(r) = r / (2 pi sqrt(A B)) int exp(-(r cos u - m)^2 / 2 A - (r sin u)^2 / 2 B) du.
 
-The integrand peaks at u = 0 and, where the law is wide, at u = pi; each peak is integrated by itself
-over the part that counts.
+The integrand peaks at u = 0 and, where the law is wide, at u = pi; each peak is integrated by
+itself over the part that counts. Where b is not small against m, b g passes m: the vector then
+points backwards, and its length is the distance, |m + b g|.
 """
 
 from __future__ import annotations
@@ -117,9 +118,7 @@ def fill_log_densities(
 
 
 @kernel
-def _peak(
-    steep: float, bent: float, nodes: Floats, weights: Floats
-) -> tuple[float, float, float]:
+def _peak(steep: float, bent: float, nodes: Floats, weights: Floats) -> tuple[float, float, float]:
     """Integrate exp(-steep (1 - cos u) - bent sin^2 u) over u from 0 to where it is nothing.
 
     Over t = sin(u / 2), which needs no sine: 1 - cos u = 2 t^2, du = 2 dt / sqrt(1 - t^2). Returned
@@ -140,4 +139,4 @@ def _peak(
         total += part
         versed += part * 2.0 * square
         squared += part * 4.0 * square * rest
-    return end * total, end * versed, end * squared
+    return float(end * total), float(end * versed), float(end * squared)

@@ -20,6 +20,8 @@ from rotortrack.twocolour.registration import Registration
 
 Floats = NDArray[np.float64]
 
+_OF_SECOND = ["rotor", "frame", "x_nm", "y_nm", "x_sd_nm", "y_sd_nm", "seen_y_nm"]
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -62,7 +64,8 @@ def map_second(second: pd.DataFrame, registration: Registration, drift: pd.DataF
         return places
     first = int(drift["frame"].iloc[0])
     row = np.clip(second["frame"].to_numpy(np.int64) - first, 0, len(drift) - 1)
-    return places - drift[["dx_nm", "dy_nm"]].to_numpy(np.float64)[row]
+    corrected: Floats = places - drift[["dx_nm", "dy_nm"]].to_numpy(np.float64)[row]
+    return corrected
 
 
 def pair_ends(

@@ -42,7 +42,7 @@ class LocalShift:
     x_nm, y_nm, sd_nm
         How far the second end is seen from where it is, and the standard deviation per axis; nan
         where the vector traces no circle.
-    radius_nm
+    radius_nm, radius_sd_nm
         Radius of that circle: the end-to-end distance of a rigid rod.
     turns
         Full turns of the vector, either way.
@@ -56,6 +56,7 @@ class LocalShift:
     y_nm: float
     sd_nm: float
     radius_nm: float
+    radius_sd_nm: float
     turns: float
     rigid: bool
     reason: str
@@ -82,10 +83,8 @@ def local_shift(dx_nm: Floats, dy_nm: Floats, noise_nm: Floats) -> LocalShift:
     turns = full_turns(angle)
     told = float(np.sqrt(np.mean(np.asarray(noise_nm, np.float64) ** 2)))
     if fit.end is not CircleEnd.FITTED:
-        missing = math.nan
-        return LocalShift(
-            missing, missing, missing, missing, turns, False, "the vector traces no circle"
-        )
+        none = math.nan
+        return LocalShift(none, none, none, none, none, turns, False, "the vector traces no circle")
     shaken = told**2 * (1.0 + _CHANCE * math.sqrt(2.0 / fit.n_used))
     breathing = math.sqrt(max(fit.residual_sd_nm**2 - shaken, 0.0))
     most = max(_MUCH_BREATHING * fit.radius_nm, _LEAST_BREATHING_NM)
@@ -102,6 +101,7 @@ def local_shift(dx_nm: Floats, dy_nm: Floats, noise_nm: Floats) -> LocalShift:
         y_nm=fit.y_nm,
         sd_nm=math.sqrt(0.5 * (fit.x_sd_nm**2 + fit.y_sd_nm**2)),
         radius_nm=fit.radius_nm,
+        radius_sd_nm=fit.radius_sd_nm,
         turns=turns,
         rigid=not failed,
         reason=", ".join(failed),

@@ -30,7 +30,7 @@ from rotortrack.simulate.film.filming import film_scene
 from rotortrack.simulate.scene import make_scene
 
 RESULTS = Path(__file__).with_name("results")
-LINE_TIME_S = 1e-5
+LINE_TIME_S = 7e-6
 EXPOSURE_S = 0.002
 ROTORS = (
     {"motion": "driven", "count": 10},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
-from rotortrack.report.figures.canvas import NothingToDrawError
+from rotortrack.report.figures.canvas import Floats, NothingToDrawError
 
 MOST_ROTORS = 24
 _TILE_IN, _LABEL_IN = 1.75, 0.42
@@ -42,7 +43,8 @@ def figure(
         No rotor shows both ends.
     """
     both = ends.merge(rotors[["rotor", "x_nm", "y_nm"]], on="rotor").sort_values("rotor")
-    both = both[np.isfinite(both[["x_nm", "y_nm"]]).all(axis=1)].head(MOST_ROTORS)
+    placed = np.isfinite(both[["x_nm", "y_nm"]].to_numpy(np.float64)).all(axis=1)
+    both = both.loc[placed].head(MOST_ROTORS)
     if both.empty:
         raise NothingToDrawError("no rotor shows both ends")
     places = [_places(of_frames, of_spots, row) for row in both.to_dict("records")]
@@ -116,7 +118,7 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
         raise NothingToDrawError("no rotor has an end-to-end axis")
     made = canvas.new_figure(8.2, 4.0)
     canvas.heading(made, f"End-to-end axes of {words.count(len(known), 'rotor')}", 0.3)
-    rose = made.add_axes((0.04, 0.1, 0.38, 0.68), projection="polar")
+    rose = made.add_axes((0.04, 0.08, 0.38, 0.64), projection="polar")
     angles = np.deg2rad(known["axis_deg"].to_numpy(np.float64))
     firm = known["order"].to_numpy(np.float64)
     edges = np.linspace(0, 2 * math.pi, 2 * _BINS + 1)
@@ -135,9 +137,11 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
     if pore_axis_deg is not None:
         for angle in (math.radians(pore_axis_deg), math.radians(pore_axis_deg) + math.pi):
             rose.plot([angle, angle], [0, 1.1 * top], color=style.VERMILLION, lw=1.5)
-    rose.set_yticks([top])
+    rose.set_yticks([])
     rose.tick_params(labelsize=7)
-    rose.set_title("rotors by mean axis" + (", pore axis red" if pore_axis_deg is not None else ""))
+    rose.set_title(
+        "rotors by mean axis" + (", pore axis red" if pore_axis_deg is not None else ""), y=1.13
+    )
     right = canvas.place(made, 4.5, 0.6, 3.3, 2.6)
     chance = known["order_p"].to_numpy(np.float64)
     for clear, colour, marker, label in (
@@ -163,8 +167,8 @@ def axes_figure(ends: pd.DataFrame, pore_axis_deg: float | None = None) -> Figur
 def _places(
     of_frames: Mapping[int, pd.DataFrame],
     of_spots: Mapping[int, pd.DataFrame],
-    row: dict[str, float],
-) -> tuple[np.ndarray, np.ndarray]:
+    row: Mapping[Any, Any],
+) -> tuple[Floats, Floats]:
     """Give the places of both ends about the rotor's centre, (frames, 2) each."""
     number = int(row["rotor"])
     spots = of_spots[number][["frame", "x_nm", "y_nm"]].drop_duplicates("frame")

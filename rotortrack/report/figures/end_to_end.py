@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
@@ -78,7 +79,7 @@ def traces(
     down = math.ceil(len(shown) / 2)
     across = min(len(shown), 2)
     pitch = 1.75
-    made = canvas.new_figure(across * 4.9 + 0.5, down * pitch + 1.1)
+    made = canvas.new_figure(across * 4.9 + 0.5, down * pitch + 0.7)
     canvas.heading(made, "End-to-end distance over time: frames, moving median, true mean", 0.3)
     for number, row in enumerate(shown.to_dict("records")):
         line, place = divmod(number, across)
@@ -104,11 +105,14 @@ def traces(
 
 def _examples(rotors: pd.DataFrame) -> pd.DataFrame:
     """Choose rotors from the shortest distance to the longest."""
-    known = rotors[np.isfinite(rotors["end_to_end_nm"].to_numpy(np.float64))]
-    ordered = known.sort_values(["end_to_end_nm", "rotor"], kind="stable")
+    known = rotors.loc[np.isfinite(rotors["end_to_end_nm"].to_numpy(np.float64))]
+    ordered: pd.DataFrame = known.sort_values(["end_to_end_nm", "rotor"], kind="stable")
     if len(ordered) <= MOST_TRACES:
         return ordered
-    return ordered.iloc[np.linspace(0, len(ordered) - 1, MOST_TRACES).round().astype(int)]
+    chosen: pd.DataFrame = ordered.iloc[
+        np.linspace(0, len(ordered) - 1, MOST_TRACES).round().astype(int)
+    ]
+    return chosen
 
 
 def _histogram(axes: Axes, values: Floats, edges: Floats, colour: str, what: str) -> None:
@@ -118,6 +122,7 @@ def _histogram(axes: Axes, values: Floats, edges: Floats, colour: str, what: str
     axes.set_xlim(0, edges[-1])
     axes.set_ylim(0, 1.08 * max(int(counts.max()), 1))
     axes.set_xlabel("end-to-end distance (nm)")
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes.set_ylabel(f"{what} per {edges[1] - edges[0]:g} nm")
 
 

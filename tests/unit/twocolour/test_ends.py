@@ -111,7 +111,7 @@ class _Shifted:
     """A registration that shifts alone."""
 
     def to_first(self, points):
-        return points + [10.0, -5.0]
+        return points + np.array([10.0, -5.0])
 
 
 def test_drift_is_subtracted_on_the_first_colour():
