@@ -306,7 +306,8 @@ def _least(
     if not free:
         return _Best(_three(place), data.cost(*_three(place), prior)[0])
     limit = math.log(_LARGEST_SCALE)
-    bounds = np.array([(0.0, data.largest), (0.0, data.largest), (-limit, limit)])[free]
+    limits = [(0.0, data.largest), (0.0, data.largest), (-limit, limit)]
+    bounds = [limits[k] for k in free]
 
     def cost(values: Floats) -> tuple[float, Floats]:
         there = place.copy()
@@ -316,7 +317,7 @@ def _least(
 
     found = minimize(
         cost,
-        np.clip(place[free], bounds[:, 0], bounds[:, 1]),
+        np.clip(place[free], *np.transpose(bounds)),
         method="L-BFGS-B",
         jac=True,
         bounds=bounds,
