@@ -321,7 +321,7 @@ def _least(
         method="L-BFGS-B",
         jac=True,
         bounds=bounds,
-        options={"ftol": 1e-12, "gtol": 1e-4},
+        options={"ftol": 1e-10, "gtol": 1e-4},
     )
     place[free] = found.x
     return _Best(_three(place), float(found.fun))
@@ -366,8 +366,11 @@ def _interval(
     if mean > _FAR_SD * mean_sd and mean_sd < _SMALL_SD:
         return mean - _TOLD_SD * mean_sd, mean + _TOLD_SD * mean_sd, mean_sd
 
+    latest = best
+
     def excess(at: float) -> float:
-        there = _least(data, prior, best.place, breathes=breathes, mean=at)
+        nonlocal latest
+        latest = there = _least(data, prior, latest.place, breathes=breathes, mean=at)
         return 2.0 * (there.cost - best.cost) - _INTERVAL
 
     low = 0.0

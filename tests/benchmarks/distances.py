@@ -46,7 +46,7 @@ CASES = {
 def rotor(
     rng, *, distance, noise, breathing=0.0, frames=5000, wrong=0.0, varies=0.0, slow=0.0
 ):  # fmt: skip
-    """Simulate one rotor: measured lengths, told noise, and the mean distance over its frames."""
+    """Simulate a rotor: measured lengths, told noise, the mean distance over its frames."""
     breath = rng.normal(size=frames)
     if slow:
         kept = np.exp(-1.0 / slow)
@@ -59,7 +59,7 @@ def rotor(
 
 
 def told(estimates, truth, realised, lasting_sd=None):
-    """Give bias, spread, told error and coverage of the rod's own mean and of that of its frames."""
+    """Give bias, spread, told error and coverage, of the rod's own mean and its frames'."""
     mean = np.array([each.mean_nm for each in estimates])
     low = np.array([each.low_nm for each in estimates])
     high = np.array([each.high_nm for each in estimates])
