@@ -366,11 +366,10 @@ def _interval(
     if mean > _FAR_SD * mean_sd and mean_sd < _SMALL_SD:
         return mean - _TOLD_SD * mean_sd, mean + _TOLD_SD * mean_sd, mean_sd
 
-    latest = best
-
     def excess(at: float) -> float:
-        nonlocal latest
-        latest = there = _least(data, prior, latest.place, breathes=breathes, mean=at)
+        if at == mean:
+            return -_INTERVAL
+        there = _least(data, prior, best.place, breathes=breathes, mean=at)
         return 2.0 * (there.cost - best.cost) - _INTERVAL
 
     low = 0.0

@@ -33,7 +33,9 @@ def by_quadrature(r, m, b):
     breaks = sorted({min(k * width, math.pi) for k in (0, 1, 3, 6, 12, 1e9)})
     breaks = sorted({*breaks, *(math.pi - u for u in breaks)})
     total = sum(
-        integrate.quad(lambda u: math.exp(exponent(u) - top), low, high, epsabs=0, epsrel=1e-8)[0]
+        integrate.quad(
+            lambda u: math.exp(exponent(u) - top), low, high, epsabs=1e-10 * width, epsrel=1e-9
+        )[0]
         for low, high in itertools.pairwise(breaks)
     )
     return math.log(r / (math.pi * math.sqrt(along))) + top + math.log(total)
