@@ -315,13 +315,14 @@ def _least(
         value, slope = data.cost(*_three(there), prior)
         return value, slope[free]
 
+    # L-BFGS-B would do as well, but its threads of BLAS wait for each other for most of the time.
     found = minimize(
         cost,
         np.clip(place[free], *np.transpose(bounds)),
-        method="L-BFGS-B",
+        method="TNC",
         jac=True,
         bounds=bounds,
-        options={"ftol": 1e-10, "gtol": 1e-4},
+        options={"ftol": 1e-6, "gtol": 0.0, "xtol": 1e-6, "maxfun": 300},
     )
     place[free] = found.x
     return _Best(_three(place), float(found.fun))
