@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 _HALF_TURN_DEG = 180.0
 _FEWEST = 2
+_TELLING = 8.0
 _NO_SPREAD = 1e-12
 
 
@@ -29,7 +30,8 @@ class Axis:
     order
         Mean of cos 2 (angle - axis): 1 where all keep it, 0 where none is preferred.
     order_p
-        Probability of such an order without a preferred axis.
+        Probability of such an order without a preferred axis; nan where fewer than 8 independent
+        directions were seen.
     n_independent
         How many independent directions the correlated ones are worth.
     """
@@ -57,7 +59,8 @@ def preferred_axis(angles_rad: Floats) -> Axis:
     -----
     The probability is Rayleigh's for twice the angle, with as many independent directions as the
     correlation from frame to frame leaves: a rotor that turns slowly seems to prefer wherever it
-    was.
+    was. Of fewer than 8 that number is too uncertain: of free rotors that seem worth less, up to a
+    quarter would have a probability below 0.05.
     """
     doubled = np.exp(2j * np.asarray(angles_rad, np.float64))
     doubled = doubled[np.isfinite(doubled)]
@@ -68,7 +71,7 @@ def preferred_axis(angles_rad: Floats) -> Axis:
     return Axis(
         axis_deg=_axis_deg(mean),
         order=abs(mean),
-        order_p=rayleigh_p(abs(mean), independent),
+        order_p=rayleigh_p(abs(mean), independent) if independent >= _TELLING else math.nan,
         n_independent=independent,
     )
 

@@ -155,7 +155,7 @@ def flat(found):
                       getattr(found, fit).high_nm] for fit in FITS])  # fmt: skip
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from([1e-3, 0.1, 7.0, 1e4]))
 def test_a_change_of_unit_changes_the_unit_alone(seed, unit):
     lengths = measured(seed, 60.0, 25.0, frames=300)
@@ -164,7 +164,7 @@ def test_a_change_of_unit_changes_the_unit_alone(seed, unit):
     np.testing.assert_allclose(other / unit, one, atol=0.1)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 1000))
 def test_the_order_of_frames_does_not_matter_to_the_fit(seed):
     rng = np.random.default_rng(seed)
