@@ -143,7 +143,12 @@ def ends_of(
         tables["rotors"],
         registration,
         settings["ends"],
-        timing=Timing(movie.frame_interval_s, line_time_s, movie.pixel_size_nm),
+        timing=Timing(
+            frame_interval_s=movie.frame_interval_s,
+            line_time_s=line_time_s,
+            pixel_size_nm=movie.pixel_size_nm,
+            exposure_s=movie.exposure_s or movie.frame_interval_s,
+        ),
     )
     notes = list(measured.notes)
     if math.isnan(line_time_s) and channels.split == "top-bottom":

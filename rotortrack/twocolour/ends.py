@@ -36,11 +36,14 @@ class Timing:
         nan when unknown.
     pixel_size_nm
         Of the camera.
+    exposure_s
+        Of a row.
     """
 
     frame_interval_s: float
     line_time_s: float
     pixel_size_nm: float
+    exposure_s: float = 0.0
 
 
 def map_second(second: pd.DataFrame, registration: Registration, drift: pd.DataFrame) -> Floats:
@@ -134,6 +137,7 @@ def undo_lag(
     pivot_nm: tuple[float, float],
     omega_rad_s: float,
     diffusion_rad2_s: float,
+    exposure_s: float,
 ) -> tuple[Floats, Floats]:
     """Turn an end back to when the other one was exposed.
 
@@ -144,6 +148,8 @@ def undo_lag(
     pivot_nm, omega_rad_s, diffusion_rad2_s
         What it turns about, and how fast, counter-clockwise on the displayed image; values that
         are not finite count as 0.
+    exposure_s
+        Exposures that overlap see much the same of a rotor's diffusion.
 
     Returns
     -------
@@ -161,7 +167,7 @@ def undo_lag(
     dx, dy = x_nm - pivot_nm[0], y_nm - pivot_nm[1]
     cosine, sine = np.cos(turned), np.sin(turned)
     diffusion = diffusion_rad2_s if math.isfinite(diffusion_rad2_s) else 0.0
-    outwards = np.exp(np.abs(late) * max(diffusion, 0.0))
+    outwards = np.exp(_told_apart(np.abs(late), exposure_s) * max(diffusion, 0.0))
     # On the displayed image y points down, so that this turns counter-clockwise.
     x, y = outwards * (cosine * dx + sine * dy), outwards * (cosine * dy - sine * dx)
     stray = np.sqrt(1.0 - outwards**-2)
@@ -169,6 +175,19 @@ def undo_lag(
         np.column_stack([pivot_nm[0] + x, pivot_nm[1] + y]),
         np.column_stack([-stray * y, stray * x]),
     )
+
+
+def _told_apart(late_s: Floats, exposure_s: float) -> Floats:
+    """Give the time in which diffusion strays as far as means over two exposures do.
+
+    The means of Brownian motion over two spans of length t that begin s apart differ with the
+    variance 2 D (s^2 / t - s^3 / 3 t^2) where they overlap, else 2 D (s - t / 3).
+    """
+    if not exposure_s > 0.0:
+        return late_s
+    part = np.minimum(late_s / exposure_s, 1.0)
+    apart: Floats = exposure_s * part**2 * (1.0 - part / 3.0) + np.maximum(late_s - exposure_s, 0.0)
+    return apart
 
 
 def _of_rotors(

@@ -94,14 +94,30 @@ class _Pair:
 
     @property
     def noise_nm(self) -> Floats:
-        """Noise of the vector across itself, which lengthens it; that of the registration left out.
+        """Noise of the vector along itself, that of the registration left out.
 
-        Localisation noise is taken as the same along and across.
+        That of localisation is taken as the same along and across.
         """
-        across = self.vector[:, ::-1] * np.array([-1.0, 1.0]) / self.length[:, np.newaxis]
-        strayed = np.sum(across * self.stray, axis=1)
-        noise: Floats = np.sqrt(0.5 * self.variance.sum(axis=1) + strayed**2)
+        noise: Floats = np.sqrt(0.5 * self.variance.sum(axis=1) + self.strayed[0])
         return noise
+
+    @property
+    def strayed(self) -> tuple[Floats, Floats]:
+        """Variance along the vector and across it that diffusion between both exposures adds."""
+        unit = self.vector / self.length[:, np.newaxis]
+        along: Floats = np.sum(unit * self.stray, axis=1) ** 2
+        return along, np.sum(self.stray**2, axis=1) - along
+
+    @property
+    def even_length(self) -> Floats:
+        """Length that the vector had if its noise across were that along, (frames,).
+
+        Noise across lengthens a vector, noise along does not: where the two differ, the square of
+        the length is longer by their difference than the law of even noise expects.
+        """
+        along, across = self.strayed
+        even: Floats = np.sqrt(np.maximum(self.length**2 + along - across, 0.0))
+        return even
 
     @property
     def length(self) -> Floats:
@@ -154,7 +170,7 @@ def measure_ends(
     to the noise of a rotor that turns, and shifts the distance of one that does not.
     """
     paired = pair_ends(first, second, places_nm, rotors, reach_nm=options.reach_nm, timing=timing)
-    pairs = list(_pairs(paired, rotors, registration, options.min_frames))
+    pairs = list(_pairs(paired, rotors, registration, options.min_frames, timing.exposure_s))
     with ThreadPoolExecutor(workers or parallel.default_workers()) as pool:
         shifts = list(pool.map(_shift_of, pairs))
         field, pairs = _calibrated(pairs, shifts, options)
@@ -181,7 +197,11 @@ def measure_ends(
 
 
 def _pairs(
-    paired: pd.DataFrame, rotors: pd.DataFrame, registration: Registration, min_frames: int
+    paired: pd.DataFrame,
+    rotors: pd.DataFrame,
+    registration: Registration,
+    min_frames: int,
+    exposure_s: float,
 ) -> Iterator[_Pair]:
     """Give each rotor's ends, the second one turned back to when the first was exposed."""
     known = rotors.set_index("rotor")
@@ -200,6 +220,7 @@ def _pairs(
             pivot_nm=(float(place[0]), float(place[1])),
             omega_rad_s=float(rotor.get("omega_rad_s", math.nan)),
             diffusion_rad2_s=float(rotor.get("diffusion_rad2_s", math.nan)),
+            exposure_s=exposure_s,
         )
         finite = np.isfinite(ends).all(axis=1) & (np.isfinite(sd) & (sd > 0)).all(axis=1)
         if finite.sum() < min_frames:
@@ -275,7 +296,7 @@ def _distance_of(pair: _Pair, options: EndsOptions) -> Distance:
     # A fixed error of the registration is noise to a vector that turns, but not to one that stays.
     turning = 1.0 - _constancy(pair) ** 2
     noise = np.sqrt(pair.noise_nm**2 + turning * pair.map_sd_nm**2)
-    return true_distance(pair.length, noise, noise_prior=options.noise_prior)
+    return true_distance(pair.even_length, noise, noise_prior=options.noise_prior)
 
 
 def _constancy(pair: _Pair) -> float:
@@ -286,8 +307,7 @@ def _constancy(pair: _Pair) -> float:
 def _frame_rows(pair: _Pair, options: EndsOptions, timing: Timing) -> pd.DataFrame:
     vector, length = pair.vector, pair.length
     unit = vector / length[:, np.newaxis]
-    strayed = np.sum(unit * pair.stray, axis=1)
-    along = np.sqrt(np.sum(unit**2 * pair.variance, axis=1) + strayed**2)
+    along = np.sqrt(np.sum(unit**2 * pair.variance, axis=1) + pair.strayed[0])
     sd = np.sqrt(pair.variance + pair.stray**2)
     values = {
         "rotor": np.full(len(length), pair.rotor),
@@ -328,6 +348,7 @@ def _rotor_row(
         "n_frames": len(length),
         "end_to_end_nm": stretch * best.mean_nm,
         "end_to_end_sd_nm": with_map(best.mean_sd_nm),
+        "lasting_sd_nm": with_map(distance.lasting_sd_nm),
         "end_to_end_ci_low_nm": stretch
         * max(best.mean_nm - math.hypot(best.mean_nm - best.low_nm, beyond), 0.0),
         "end_to_end_ci_high_nm": stretch

@@ -35,6 +35,7 @@ END_TO_END_ROTORS = Schema(
         Column("n_frames", "int64", "", "frames with both ends", required=True),
         Column("end_to_end_nm", "float64", "nm", "mean of the true distance", required=True),
         Column("end_to_end_sd_nm", "float64", "nm", "its standard deviation", required=True),
+        Column("lasting_sd_nm", "float64", "nm", "the same as the rod's own mean, in other films"),
         Column("end_to_end_ci_low_nm", "float64", "nm", "lower end of its 95 % interval"),
         Column("end_to_end_ci_high_nm", "float64", "nm", "upper end of its 95 % interval"),
         Column("breathing_nm", "float64", "nm", "sd of the true distance over time"),

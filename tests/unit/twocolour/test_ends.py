@@ -93,7 +93,7 @@ def test_an_end_is_turned_back_to_when_the_other_was_exposed(omega, late, angle,
     seen = at(late)
     places, stray = undo_lag(
         np.array([seen[0]]), np.array([seen[1]]), np.array([late]),
-        pivot_nm=pivot, omega_rad_s=omega, diffusion_rad2_s=0.0,
+        pivot_nm=pivot, omega_rad_s=omega, diffusion_rad2_s=0.0, exposure_s=0.0,
     )  # fmt: skip
     assert places[0] == pytest.approx(at(0.0), abs=1e-9 * radius + 1e-9)
     assert stray[0].tolist() == [0.0, 0.0]
@@ -105,7 +105,7 @@ def test_diffusion_between_the_exposures_biases_no_square_and_no_product():
     angle = rng.normal(0, math.sqrt(2 * diffusion * late), 400_000)
     places, stray = undo_lag(
         radius * np.cos(angle), -radius * np.sin(angle), np.full(angle.size, late),
-        pivot_nm=(0.0, 0.0), omega_rad_s=0.0, diffusion_rad2_s=diffusion,
+        pivot_nm=(0.0, 0.0), omega_rad_s=0.0, diffusion_rad2_s=diffusion, exposure_s=0.0,
     )  # fmt: skip
     assert places.mean(axis=0) == pytest.approx([radius, 0.0], abs=0.3)
     # What it varies by about its mean is what it is told to stray by, along the ring.
@@ -113,10 +113,26 @@ def test_diffusion_between_the_exposures_biases_no_square_and_no_product():
     assert np.abs(np.sum(stray * places, axis=1)).max() < 1e-9 * radius**2
 
 
+@pytest.mark.parametrize("late", [2e-4, 1e-3, 3e-3])
+def test_exposures_that_overlap_see_much_the_same_diffusion(late):
+    rng = np.random.default_rng(2)
+    diffusion, exposure, steps, radius = 4.0, 2e-3, 60, 100.0
+    fine = exposure / steps
+    behind = round(late / fine)
+    walk = np.cumsum(rng.normal(0, math.sqrt(2 * diffusion * fine), (20_000, steps + behind)), 1)
+    strayed = walk[:, behind:].mean(axis=1) - walk[:, :steps].mean(axis=1)
+    _, stray = undo_lag(
+        np.array([radius]), np.array([0.0]), np.array([late]),
+        pivot_nm=(0.0, 0.0), omega_rad_s=0.0, diffusion_rad2_s=diffusion, exposure_s=exposure,
+    )  # fmt: skip
+    # For small angles; 20 000 walks tell a variance to 1 %, sixty steps an exposure to 2 %.
+    assert np.sum(stray**2) / radius**2 == pytest.approx(np.var(strayed), rel=0.05)
+
+
 def test_an_unknown_lag_or_speed_changes_nothing():
     places, stray = undo_lag(
         np.array([1.0]), np.array([2.0]), np.array([math.nan]),
-        pivot_nm=(0.0, 0.0), omega_rad_s=math.nan, diffusion_rad2_s=math.nan,
+        pivot_nm=(0.0, 0.0), omega_rad_s=math.nan, diffusion_rad2_s=math.nan, exposure_s=0.002,
     )  # fmt: skip
     assert places.tolist() == [[1.0, 2.0]]
     assert stray.tolist() == [[0.0, 0.0]]
