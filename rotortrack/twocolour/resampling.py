@@ -121,7 +121,8 @@ def gaps(curves: Curves, first: Floats, second: Floats) -> Floats:
     ndarray
         Shape (resamples, points).
     """
-    return (_shares(first) - _shares(second)) @ curves.cdf
+    gap: Floats = (_shares(first) - _shares(second)) @ curves.cdf
+    return gap
 
 
 def sizes(curves: Curves) -> dict[str, Size]:
@@ -278,4 +279,6 @@ def _p(curves: Curves, weights: Floats, labels: NDArray[np.bool_]) -> float:
 
 def _shares(weights: Floats) -> Floats:
     total = weights.sum(axis=1, keepdims=True)
-    return np.divide(weights, total, out=np.zeros_like(weights, np.float64), where=total > 0)
+    empty = np.zeros(weights.shape, np.float64)
+    shares: Floats = np.divide(weights, total, out=empty, where=total > 0)
+    return shares
