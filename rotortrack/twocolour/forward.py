@@ -29,7 +29,7 @@ RIGID_NOTE: Final = (
 _PATHS: Final = 128
 """Exposures that are drawn for each twin; a frame takes one of them."""
 _PARTS: Final = 12
-"""Moments of an exposure: the mean over them misses its radius by 1e-3 at a turn an exposure."""
+"""Moments of an exposure: a radius blurred by half a turn is missed by 3e-3 of it."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def draw_twins(
     group, rods
         What was measured, and what it is compared with.
     edges
-        Of the histograms of frames, of one width from 0, nm.
+        Of the histograms of frames, from 0, nm.
     twins
         How many each rotor gets.
     fitted_noise
@@ -169,7 +169,8 @@ def _passing(
     radius = rods.radius_nm * blur[:, None]
     spread = np.sqrt(0.5 * radius**2 + noise**2) / noise
     # Which end has the colour that was screened is not known.
-    return np.mean(spread >= group.film.min_spread, axis=1)
+    part: Floats = np.mean(spread >= group.film.min_spread, axis=1)
+    return part
 
 
 def _exposures(

@@ -104,9 +104,9 @@ class MeasuredGroup:
 
 
 def histograms(values: Floats, lengths: NDArray[np.int64], edges: Floats) -> NDArray[np.int64]:
-    """Count runs of values of these lengths in bins of one width from 0; the last one is closed.
+    """Count runs of values of these lengths in bins [low, high) from 0; the last one is closed.
 
-    Values beyond the last bin count in it.
+    Values beyond the last bin count in it, so that the counts of a run add up to its length.
     """
     bins = len(edges) - 1
     # Where a value lies is decided by the edges themselves, whatever a quotient is rounded to.
@@ -193,7 +193,7 @@ def _speed_sd(table: pd.DataFrame) -> Floats:
 
 
 def _shared_columns(table: pd.DataFrame, other: pd.DataFrame) -> list[str]:
-    return [name for name in table if name in other and name != "rotor"]
+    return [str(name) for name in table if name in other and name != "rotor"]
 
 
 def _column(table: pd.DataFrame, name: str) -> Floats:
