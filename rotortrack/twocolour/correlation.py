@@ -31,13 +31,13 @@ class Correlation:
     n
         Rotors with both.
     rho
-        Spearman's rank correlation of \\|speed\\| and distance. Errors of both make it smaller.
+        Spearman's rank correlation of |speed| and distance. Errors of both make it smaller.
     p
         Probability of one this large if distances belonged to any rotor; nan for simulated rods.
     detectable
-        Smallest \\|rho\\| that n rotors tell from 0 at 5 %: t / sqrt(n - 2 + t^2).
+        Smallest |rho| that n rotors tell from 0 at 5 %: t / sqrt(n - 2 + t^2).
     slope
-        Of \\|speed\\| on the distance on these axes, freed of the errors; a power on logarithmic ones.
+        Of |speed| on the distance, freed of their errors; on logarithmic axes it is a power.
     slope_n
         Rotors that it is made of.
     reliability

@@ -85,7 +85,7 @@ def compare_hands(first: Hands, second: Hands) -> HandsCompared:
     if not (first.n and second.n):
         p, reason = math.nan, "a group has no driven rotor"
     else:
-        table = [[one.ccw, one.n - one.ccw] for one in (first, second)]
+        table = np.array([[one.ccw, one.n - one.ccw] for one in (first, second)])
         p, reason = float(stats.fisher_exact(table)[1]), ""
     return HandsCompared(
         first.share, second.share, _difference(first.share, second.share), p, reason
