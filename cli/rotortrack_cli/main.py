@@ -32,6 +32,7 @@ _COMMANDS = {
     "review": "Verdicts on single rotors: list them, or overrule the screening.",
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
     "register": "How the second colour lies on the first, from films of beads.",
+    "compare": "Measured against measured and simulated distances and speeds.",
     "contour": "Rods in an AFM image: lengths and stiffness.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",

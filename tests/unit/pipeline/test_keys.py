@@ -54,7 +54,7 @@ def test_every_option_that_decides_a_kept_result_is_in_a_key():
         # Known to motion and the report alone, which are made anew each time.
         *("movie.frame_interval_s", "movie.exposure_s", "movie.mirrored", "motion"),
         # Of commands beside the workflow.
-        *("link", "plan", "contour", "channels", "register"),
+        *("link", "plan", "contour", "channels", "register", "compare"),
         # A guard: it refuses a movie or changes nothing.
         "movie.max_frame_megapixels",
     }
