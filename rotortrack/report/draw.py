@@ -22,6 +22,7 @@ from rotortrack.report.figures import (
     canvas,
     contour,
     cumulative_angle,
+    distances,
     energetics,
     examples,
     field,
@@ -34,6 +35,7 @@ from rotortrack.report.figures import (
     rotor_sheet,
     scatter,
     speeds,
+    speeds_distances,
     voltage,
     voltage_traces,
 )
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     from rotortrack.motion.ensemble import Ensemble
     from rotortrack.motion.plan_movie import MoviePlan
     from rotortrack.movies.movie import Movie
+    from rotortrack.twocolour.compare import Comparison
 
 _FOLDER = "figures"
 
@@ -248,6 +251,16 @@ def draw_particles(
 def draw_contours(path: Path, traced: Traced, file_format: FileFormat = "png") -> None:
     """Draw the rods of an image of an atomic force microscope over it, into a file."""
     canvas.save(contour.figure(traced), path, file_format)
+
+
+def draw_distances(path: Path, comparison: Comparison, file_format: FileFormat = "png") -> None:
+    """Draw compared end-to-end distances into a file."""
+    canvas.save(distances.figure(comparison), path, file_format)
+
+
+def draw_speeds(path: Path, comparison: Comparison, file_format: FileFormat = "png") -> None:
+    """Draw speeds against end-to-end distances of what was compared into a file."""
+    canvas.save(speeds_distances.figure(comparison), path, file_format)
 
 
 def draw_plan(path: Path, planned: MoviePlan, file_format: FileFormat = "png") -> None:

@@ -60,9 +60,9 @@ def comparison_histograms(comparison: Comparison) -> list[Histogram]:
     for pair in comparison.against:
         sets, n = pair.twins.mean_nm.shape
         fine = pair.twins.counts.sum(axis=(0, 1)) / sets
-        frames = fine.reshape(-1, per_bin).sum(axis=1)
+        frames: Floats = fine.reshape(-1, per_bin).sum(axis=1)
         means = pair.twins.mean_nm.ravel()
-        rotors = histograms(means, np.array([sets * n]), edges)[0] / sets
+        rotors = histograms(means, np.array([sets * n]), edges)[0].astype(np.float64) / sets
         total = float(frames.sum())
         found.append(Histogram(pair.scan, "twins", pair.group, frames, rotors, total, float(n)))
     for name, rods in comparison.scans.items():
@@ -74,7 +74,7 @@ def comparison_histograms(comparison: Comparison) -> list[Histogram]:
 
 def facts(comparison: Comparison) -> dict[str, Any]:
     """Give what comparison.json says of the results; what is not known is None."""
-    return _plain(
+    told: dict[str, Any] = _plain(
         {
             "groups": [
                 {
@@ -111,6 +111,7 @@ def facts(comparison: Comparison) -> dict[str, Any]:
             "notes": list(comparison.notes),
         }
     )
+    return told
 
 
 def _rods_facts(rods: RodPopulation) -> dict[str, Any]:
