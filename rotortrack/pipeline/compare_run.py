@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +55,7 @@ def compare_folders(
     target: Path | None,
     layers: list[Layer],
     *,
-    pictures: dict[str, Callable[[Path, Comparison], None]],
+    pictures: Mapping[str, Callable[[Path, Comparison], None]],
     progress: Progress = silent,
 ) -> Compared:
     """Compare runs with each other and with scans.
@@ -216,7 +216,7 @@ def _write(
     folder: Path,
     comparison: Comparison,
     told: dict[str, Any],
-    pictures: dict[str, Callable[[Path, Comparison], None]],
+    pictures: Mapping[str, Callable[[Path, Comparison], None]],
 ) -> list[Path]:
     """Write table, facts and pictures, all or none."""
     make_folder(folder)

@@ -54,22 +54,26 @@ def comparison_histograms(comparison: Comparison) -> list[Histogram]:
     found = []
     for group in comparison.groups:
         frames = group.counts(edges).sum(axis=0).astype(np.float64)
-        rotors = histograms(group.mean_nm, np.array([group.n]), edges)[0].astype(np.float64)
+        rotors = _of_all(group.mean_nm, edges)
         total = float(group.n_frames.sum())
         found.append(Histogram(group.name, "measured", "", frames, rotors, total, float(group.n)))
     for pair in comparison.against:
         sets, n = pair.twins.mean_nm.shape
-        fine = pair.twins.counts.sum(axis=(0, 1)) / sets
-        frames: Floats = fine.reshape(-1, per_bin).sum(axis=1)
-        means = pair.twins.mean_nm.ravel()
-        rotors = histograms(means, np.array([sets * n]), edges)[0].astype(np.float64) / sets
+        fine = pair.twins.counts.sum(axis=(0, 1))
+        frames = fine.reshape(-1, per_bin).sum(axis=1).astype(np.float64) / sets
+        rotors = _of_all(pair.twins.mean_nm.ravel(), edges) / sets
         total = float(frames.sum())
         found.append(Histogram(pair.scan, "twins", pair.group, frames, rotors, total, float(n)))
     for name, rods in comparison.scans.items():
         at = np.minimum(np.searchsorted(edges, rods.distance_nm, side="right") - 1, len(edges) - 2)
-        shares = np.bincount(at, rods.weight, minlength=len(edges) - 1)
+        shares: Floats = np.bincount(at, rods.weight, len(edges) - 1).astype(np.float64)
         found.append(Histogram(name, "rods", "", shares, shares, 1.0, 1.0))
     return found
+
+
+def _of_all(values: Floats, edges: Floats) -> Floats:
+    counts: Floats = histograms(values, np.array([len(values)]), edges)[0].astype(np.float64)
+    return counts
 
 
 def facts(comparison: Comparison) -> dict[str, Any]:

@@ -20,7 +20,7 @@ def _refused(value: bool) -> str | None:
 class CompareOptions(Options):
     """How groups of rotors are compared with each other and with simulated rods."""
 
-    min_frames: int = option(100, "frames with both ends that a rotor needs", ge=2)
+    min_frames: int = option(50, "frames with both ends that a rotor needs", ge=2)
     weights: Literal["cells", "shapes", "runs"] = option(
         "cells",
         "what of a scan counts the same: its cells (charge and flow), their shapes, or runs",

@@ -103,7 +103,7 @@ class MeasuredGroup:
         return histograms(self.distance_nm, self.n_frames, edges)
 
 
-def histograms(values: Floats, lengths: NDArray[np.int64], edges: Floats) -> NDArray[np.int64]:
+def histograms(values: Floats, lengths: NDArray[np.integer], edges: Floats) -> NDArray[np.int64]:
     """Count runs of values of these lengths in bins [low, high) from 0; the last one is closed.
 
     Values beyond the last bin count in it, so that the counts of a run add up to its length.
@@ -123,7 +123,7 @@ def measured_group(
     rotors: pd.DataFrame,
     film: Film,
     *,
-    min_frames: int = 100,
+    min_frames: int = 50,
 ) -> MeasuredGroup:
     """Gather the kept rotors of a run that have an end-to-end distance.
 

@@ -112,9 +112,11 @@ def rod_population(
     InputError
         No rod of the scan turns, or none in a cell with a weight; the prior is no set of weights.
     """
-    turning = (runs["end"] == RodEnd.ROTATING_STEADILY.value).to_numpy()
-    turning &= np.isfinite(runs["end_to_end_dyes_xy_nm"].to_numpy(np.float64))
-    turning &= np.isfinite(shape_nm).all(axis=(1, 2))
+    turning = (
+        (runs["end"] == RodEnd.ROTATING_STEADILY.value).to_numpy()
+        & np.isfinite(runs["end_to_end_dyes_xy_nm"].to_numpy(np.float64))
+        & np.isfinite(shape_nm).all(axis=(1, 2))
+    )
     if not turning.any():
         raise InputError(
             f"{source} has no rod that rotates steadily: simulate other charges and flows, or for "

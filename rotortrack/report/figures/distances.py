@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rotortrack.report import style, words
 from rotortrack.report.figures import canvas
+from rotortrack.report.figures.canvas import Floats
 from rotortrack.twocolour.compare import Comparison
 from rotortrack.twocolour.compare_facts import CLOSED, Histogram, comparison_histograms
 
@@ -18,7 +19,6 @@ COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE
 """Colours of measured groups, in turns; a group's twins have its colour."""
 
 _LINES = {"measured": "-", "twins": "--", "rods": ":"}
-_ROW_IN = 0.2
 _AXES_IN = 2.7
 
 
@@ -35,7 +35,7 @@ def figure(comparison: Comparison) -> Figure:
         What was compared.
     """
     shown = comparison_histograms(comparison)
-    below = 0.95 + _ROW_IN * len(shown)
+    below = 0.8 + 0.17 * len(shown)
     made = canvas.new_figure(10.4, below + _AXES_IN + 0.75)
     canvas.heading(made, "End-to-end distance", 0.2)
     edges = comparison.edges_nm
@@ -67,13 +67,10 @@ def _draw(axes: Axes, comparison: Comparison, shown: Sequence[Histogram], name: 
     """Draw one kind of histogram of all groups."""
     edges = comparison.edges_nm
     highest = 0.0
-    last = float(edges[1])
     for one in shown:
         counts = one.frames if name == "frames" else one.rotors
         share = 100.0 * counts / max(float(counts.sum()), 1e-300)
         highest = max(highest, float(share.max()))
-        if share.any():
-            last = max(last, float(edges[int(np.flatnonzero(share > 0.02)[-1]) + 1]))
         colour = colour_of(comparison, one.of or one.name)
         filled = one.kind == "measured"
         axes.stairs(
@@ -82,17 +79,25 @@ def _draw(axes: Axes, comparison: Comparison, shown: Sequence[Histogram], name: 
         )  # fmt: skip
         if filled:
             axes.stairs(share, edges, color=colour, lw=0.8)
-    axes.set_xlim(0, last)
+    axes.set_xlim(0, _last_nm(edges, shown))
     axes.set_ylim(0, 1.08 * highest)
     axes.xaxis.set_major_locator(MaxNLocator(7))
     axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def _last_nm(edges: Floats, shown: Sequence[Histogram]) -> float:
+    """Give the edge beyond which a group has but one in 2000 frames."""
+    beyond = [1.0 - np.cumsum(one.frames) / max(float(one.frames.sum()), 1e-300) for one in shown]
+    return float(
+        edges[min(int(np.max(np.sum(np.array(beyond) > 5e-4, axis=1))) + 1, len(edges) - 1)]
+    )
 
 
 def _label(one: Histogram) -> str:
     """Say what a line is, and how much it is of."""
     if one.kind == "rods":
         return f"{one.name}: simulated, without noise, weighted (Fig. 3j)"
-    n = f"{words.count(int(one.n_rotors), 'rotor')}, {words.count(int(one.n_frames), 'frame')}"
+    n = f"{words.count(round(one.n_rotors), 'rotor')}, {words.count(round(one.n_frames), 'frame')}"
     if one.kind == "twins":
         return f"{one.name}: simulated, with the noise and screening of {one.of} (as n {n})"
     return f"{one.name}: measured, n = {n}"

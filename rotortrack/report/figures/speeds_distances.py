@@ -39,7 +39,7 @@ def figure(comparison: Comparison) -> Figure:
     pairs = comparison.against[:_MOST]
     logarithmic = next(iter(comparison.correlations.values())).axes == "log"
     rows = len(comparison.groups)
-    below = 0.65 + 0.2 * rows
+    below = 0.65 + 0.17 * rows
     made = canvas.new_figure(
         max(0.4 + 4.3 * (1 + len(pairs)), 6.8), below + _HEIGHT_IN + 0.75
     )  # fmt: skip
