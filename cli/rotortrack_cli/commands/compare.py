@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from pathlib import Path
@@ -72,11 +71,12 @@ def _show(console: Console, found: Compared, seconds: float) -> None:
             f"{scan['cells']} cells"
         )
     rhos = {(pair["group"], pair["scan"]): pair["rho"] for pair in told["against"]}
-    for pair, rows in itertools.groupby(
-        told["comparisons"], lambda row: (row["first"], row["second"])
-    ):
+    pairs: dict[tuple[str, str], list[list[object]]] = {}
+    for row in told["comparisons"]:
+        pairs.setdefault((row["first"], row["second"]), []).append(_row(row))
+    for pair, rows in pairs.items():
         console.text(f"\n{pair[0]} against {pair[1]}")
-        console.table(["of", "means", "W1 (95 %)", "KS", "p"], [_row(row) for row in rows])
+        console.table(["of", "means", "W1 (95 %)", "KS", "p"], rows)
         if rhos.get(pair) is not None:
             console.text(f"simulated speed and distance: weighted rho {rhos[pair]:.2f}")
     console.text("")

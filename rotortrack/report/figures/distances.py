@@ -69,7 +69,7 @@ def _draw(axes: Axes, comparison: Comparison, shown: Sequence[Histogram], name: 
     highest = 0.0
     for one in shown:
         counts = one.frames if name == "frames" else one.rotors
-        share = 100.0 * counts / max(float(counts.sum()), 1e-300)
+        share = 100.0 * counts / counts.sum()
         highest = max(highest, float(share.max()))
         colour = colour_of(comparison, one.of or one.name)
         filled = one.kind == "measured"
@@ -87,10 +87,10 @@ def _draw(axes: Axes, comparison: Comparison, shown: Sequence[Histogram], name: 
 
 def _last_nm(edges: Floats, shown: Sequence[Histogram]) -> float:
     """Give the edge beyond which a group has but one in 2000 frames."""
-    beyond = [1.0 - np.cumsum(one.frames) / max(float(one.frames.sum()), 1e-300) for one in shown]
-    return float(
-        edges[min(int(np.max(np.sum(np.array(beyond) > 5e-4, axis=1))) + 1, len(edges) - 1)]
-    )
+    counts = np.array([one.frames for one in shown])
+    beyond = 1.0 - np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True)
+    last = int(np.sum(beyond > 5e-4, axis=1).max()) + 1
+    return float(edges[min(last, len(edges) - 1)])
 
 
 def _label(one: Histogram) -> str:
