@@ -103,9 +103,8 @@ def drawn_group(rng, rods, n=30):
     turned = 2.0 * np.pi * rng.random(total)
     sd = rng.uniform(10.0, 40.0, n)
     vector = np.repeat(true, lengths) * np.exp(1j * turned)
-    vector = vector + np.repeat(sd, lengths) * (
-        rng.normal(size=total) + 1j * rng.normal(size=total)
-    )
+    known = np.repeat(sd, lengths)
+    vector = vector + known * (rng.normal(size=total) + 1j * rng.normal(size=total))
     ends = np.append(0, np.cumsum(lengths))[:-1]
     distance = np.abs(vector)
     return MeasuredGroup(
