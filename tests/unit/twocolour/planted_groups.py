@@ -91,7 +91,7 @@ def write_run(folder: Path, seed: int, *, without=(), mirrored="unknown", **kwar
 def arc(span_nm: float, turn_rad: float = 0.0, *, mirrored=False, vertices=21):
     """Bend a rod so that its ends are a distance apart, above the pore's axis."""
     at = np.linspace(-0.5, 0.5, vertices)
-    x, y = span_nm * at, 40.0 + 0.3 * span_nm * (0.25 - at**2) + 10.0 * at
+    x, y = span_nm * at, 40.0 + 0.3 * span_nm * (0.25 - at**2) + 30.0 * at
     z = (x + 1j * (-y if mirrored else y)) * np.exp(1j * turn_rad)
     return np.stack([z.real, z.imag, np.full(vertices, 15.0)], axis=1)
 
