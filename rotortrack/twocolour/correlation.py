@@ -169,15 +169,16 @@ def errors_in_variables(
         dy = y - (weight * y).sum(axis=1, keepdims=True) / total
         s_xx = (weight * dx**2).sum(axis=1, keepdims=True) / total
         error = (weight * x_variance).sum(axis=1, keepdims=True) / total
-        left = 1.0 - error / s_xx
+        # A resample may hold one rotor alone, whose x does not vary.
+        left = np.divide(s_xx - error, s_xx, out=np.zeros_like(s_xx), where=s_xx > 0)
         resolved = left > _RESOLVED_PART
         s_xy = (weight * dx * dy).sum(axis=1, keepdims=True) / total
-        slope = np.where(resolved, s_xy / (s_xx - error), np.nan)
+        slope = np.divide(s_xy, s_xx - error, out=np.full_like(s_xy, np.nan), where=resolved)
         known = y_variance + slope**2 * x_variance
         beyond = (weight * ((dy - slope * dx) ** 2 - known)).sum(axis=1, keepdims=True) / total
         floor = 1e-6 * (weight * dy**2).sum(axis=1, keepdims=True) / total
         spread = known + np.maximum(beyond, floor)
-        weight = np.where(resolved, 1.0 / np.where(resolved, spread, 1.0), 1.0)
+        weight = np.divide(1.0, spread, out=np.ones_like(spread), where=spread > 0)
     return slope[:, 0], left[:, 0]
 
 
