@@ -20,6 +20,7 @@ COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE
 
 _LINES = {"measured": "-", "twins": "--", "rods": ":"}
 _AXES_IN = 2.7
+_LONGEST_NAME = 24
 
 
 @canvas.in_house_style
@@ -63,6 +64,14 @@ def colour_of(comparison: Comparison, name: str) -> str:
     return COLOURS[names.index(name) % len(COLOURS)] if name in names else style.INK
 
 
+def short_name(name: str) -> str:
+    """Leave out the middle of a name that is longer than a legend has room for."""
+    if len(name) <= _LONGEST_NAME:
+        return name
+    half = _LONGEST_NAME // 2
+    return f"{name[: half - 1]}…{name[-half:]}"
+
+
 def _draw(axes: Axes, comparison: Comparison, shown: Sequence[Histogram], name: str) -> None:
     """Draw one kind of histogram of all groups."""
     edges = comparison.edges_nm
@@ -96,8 +105,8 @@ def _last_nm(edges: Floats, shown: Sequence[Histogram]) -> float:
 def _label(one: Histogram) -> str:
     """Say what a line is, and how much it is of."""
     if one.kind == "rods":
-        return f"{one.name}: simulated, without noise, weighted (Fig. 3j)"
+        return f"{short_name(one.name)}: simulated, without noise, weighted (Fig. 3j)"
     n = f"{words.count(round(one.n_rotors), 'rotor')}, {words.count(round(one.n_frames), 'frame')}"
     if one.kind == "twins":
-        return f"{one.name}: simulated, with the noise and screening of {one.of} (as n {n})"
-    return f"{one.name}: measured, n = {n}"
+        return f"{short_name(one.name)}: simulated, with the noise and screening of {short_name(one.of)} (as n {n})"
+    return f"{short_name(one.name)}: measured, n = {n}"

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from rotortrack.report import words
 from rotortrack.report.figures import canvas
 from rotortrack.report.figures.canvas import Floats
-from rotortrack.report.figures.distances import colour_of
+from rotortrack.report.figures.distances import colour_of, short_name
 from rotortrack.twocolour.compare import AgainstRods, Comparison
 from rotortrack.twocolour.correlation import RESOLVED_SD, Correlation
 from rotortrack.twocolour.measured import MeasuredGroup
@@ -29,7 +29,7 @@ def figure(comparison: Comparison) -> Figure:
 
     Beside measured groups stand up to three pairs of a group and a scan, whose rods have the
     group's speeds, the faster rod the faster one. On logarithmic axes rotors are shown whose speed
-    and distance exceed two standard deviations; how many are not is said.
+    and distance exceed two standard deviations; the others are counted as unresolved.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def figure(comparison: Comparison) -> Figure:
     for k, pair in enumerate(pairs):
         other = canvas.place(made, 0.85 + 4.3 * (k + 1), below, _WIDTH_IN, _HEIGHT_IN)
         x, y = _draw_rods(other, comparison, pair)
-        other.set_title(f"{pair.scan}: simulated, speeds of {pair.group}")
+        other.set_title(f"{short_name(pair.scan)}: speeds of {short_name(pair.group)}")
         speeds.append(x)
         distances.append(y)
         shown.append(other)
@@ -85,11 +85,11 @@ def _draw_group(
     floor = 1e-3 * x if logarithmic else np.zeros_like(x)
     axes.hlines(y, np.maximum(x - _Z * x_sd, floor), x + _Z * x_sd, color=colour, lw=0.6, alpha=0.6)
     axes.vlines(x, y - _Z * y_sd, y + _Z * y_sd, color=colour, lw=0.6, alpha=0.6)
-    unresolved = f", {both - len(x)} not resolved from 0" if both > len(x) else ""
+    unresolved = f" + {both - len(x)} unresolved" if both > len(x) else ""
     told = _correlation(comparison.correlations[group.name])
     axes.scatter(
         x, y, s=16, marker=marker, color=colour, lw=0,
-        label=f"{group.name} (n = {len(x)}{unresolved}): {told}",
+        label=f"{short_name(group.name)} (n = {len(x)}{unresolved}): {told}",
     )  # fmt: skip
     return x, y
 
