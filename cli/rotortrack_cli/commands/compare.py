@@ -95,7 +95,7 @@ def _group(group: dict[str, Any]) -> str:
     if rho["value"] is not None:
         line += (
             f"\n  |speed| and distance: rho {_with_ends(rho)}, p {found['p']:.2g}, "
-            f"n {found['n']}, which tells |rho| above {_number(found['detectable'])} from 0"
+            f"n {found['n']} (tells |rho| > {_number(found['detectable'])} from 0)"
         )
     if slope["value"] is not None:
         kind = "power" if found["axes"] == "log" else "slope, deg/s per nm,"

@@ -104,9 +104,11 @@ def _last_nm(edges: Floats, shown: Sequence[Histogram]) -> float:
 
 def _label(one: Histogram) -> str:
     """Say what a line is, and how much it is of."""
+    name = short_name(one.name)
     if one.kind == "rods":
-        return f"{short_name(one.name)}: simulated, without noise, weighted (Fig. 3j)"
+        return f"{name}: simulated, without noise, weighted (Fig. 3j)"
     n = f"{words.count(round(one.n_rotors), 'rotor')}, {words.count(round(one.n_frames), 'frame')}"
     if one.kind == "twins":
-        return f"{short_name(one.name)}: simulated, with the noise and screening of {short_name(one.of)} (as n {n})"
-    return f"{short_name(one.name)}: measured, n = {n}"
+        of = short_name(one.of)
+        return f"{name}: simulated, with the noise and screening of {of} (as n {n})"
+    return f"{name}: measured, n = {n}"

@@ -12,8 +12,8 @@ from rotortrack.twocolour.compare import compare_groups
 from rotortrack.twocolour.compare_options import CompareOptions
 from rotortrack.twocolour.population import rod_population
 
-for folder in (Path(__file__).parent, Path(__file__).parents[1] / "twocolour"):
-    sys.path.insert(0, str(folder))
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "twocolour"))
 from mock_run import clipped, overlaps
 from planted_groups import GRID, LENGTH_NM, group, scan_tables
 
