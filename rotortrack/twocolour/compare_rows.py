@@ -20,7 +20,7 @@ from rotortrack.twocolour.handedness import (
     compare_hands_with_rods,
     hands,
 )
-from rotortrack.twocolour.measured import MeasuredGroup
+from rotortrack.twocolour.measured import MeasuredGroup, histograms
 from rotortrack.twocolour.population import RodPopulation
 from rotortrack.twocolour.resampling import (
     GRID_REFUSED,
@@ -126,20 +126,19 @@ def simulated_rows(
         measured = _values(group, quantity)
         simulated = twins.true_nm if quantity == "true_distance" else twins.mean_nm
         if quantity == "distance":
-            own = group.counts(fine)
-            curves = curves_of_counts(np.concatenate([own, twins.counts.sum(axis=0)]), fine)
+            own, of_twins = group.counts(fine), twins.counts
         else:
-            whole = curves_of_values(np.concatenate([measured, simulated.ravel()]))
-            mean = whole.cdf[n:].reshape(each, n, -1).mean(axis=0)
-            curves = Curves(whole.grid, whole.step, np.concatenate([whole.cdf[:n], mean]))
+            one = np.ones(n, np.int64)
+            own = histograms(measured, one, fine)
+            of_twins = np.stack([histograms(values, one, fine) for values in simulated])
+        # Twins of a rotor are drawn together, so that their sum will do.
+        curves = curves_of_counts(np.concatenate([own, of_twins.sum(axis=0)]), fine)
         alone = _weights((group,), weight)
         both = np.tile(alone, 2)
         found = effects(curves, both * is_first, both * ~is_first, drawn)
         p, reason = math.nan, GRID_REFUSED
         if rods.declared:
-            if quantity == "distance":
-                counts = np.concatenate([own, twins.counts.reshape(each * n, -1)])
-                whole = curves_of_counts(counts, fine)
+            whole = curves_of_counts(np.concatenate([own, *of_twins]), fine)
             p = matched_p(whole, np.tile(alone, each + 1), n, options.permutations, rng)
             reason = "rotors permuted with their twins from the declared prior"
         in_frames = int(group.n_frames.sum()) if quantity == "distance" else 0

@@ -55,7 +55,7 @@ class Twins:
     rod: NDArray[np.int64]
     mean_nm: Floats
     true_nm: Floats
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int32]
     accepted: float
     unscreened: int
 
@@ -119,7 +119,7 @@ def draw_twins(
     shape = (twins, group.n)
     rod = np.zeros(shape, np.int64)
     mean, true = np.zeros(shape), np.zeros(shape)
-    counts = np.zeros((*shape, len(edges) - 1), np.int64)
+    counts = np.zeros((*shape, len(edges) - 1), np.int32)
     accepted, unscreened = 0.0, 0
     for i in range(group.n):
         passing = rods.weight * _passing(group, rods, omega, diffusion[i], exposure_s, i)

@@ -98,22 +98,22 @@ class MeasuredGroup:
         """Where each rotor's frames begin, and the end of the last one's, (rotors + 1,)."""
         return np.append(0, np.cumsum(self.n_frames))
 
-    def counts(self, edges: Floats) -> NDArray[np.int64]:
+    def counts(self, edges: Floats) -> NDArray[np.int32]:
         """Count each rotor's frames in bins [low, high), the last one closed, (rotors, bins)."""
         return histograms(self.distance_nm, self.n_frames, edges)
 
 
-def histograms(values: Floats, lengths: NDArray[np.integer], edges: Floats) -> NDArray[np.int64]:
+def histograms(values: Floats, lengths: NDArray[np.integer], edges: Floats) -> NDArray[np.int32]:
     """Count runs of values of these lengths in bins [low, high) from 0; the last one is closed.
 
-    Values beyond the last bin count in it, so that the counts of a run add up to its length.
+    Values beyond the bins count in the nearest, so that the counts of a run add up to its length.
     """
     bins = len(edges) - 1
     # Where a value lies is decided by the edges themselves, whatever a quotient is rounded to.
-    at = np.minimum(np.searchsorted(edges, values, side="right") - 1, bins - 1)
+    at = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
     owner = np.repeat(np.arange(len(lengths)), lengths)
     flat = np.bincount(owner * bins + at, minlength=bins * len(lengths))
-    return flat.reshape(len(lengths), bins)
+    return flat.reshape(len(lengths), bins).astype(np.int32)
 
 
 def measured_group(
