@@ -233,9 +233,13 @@ def permutation_p(
         How often whole rotors change groups; the measured labels count as one more, so that p is
         never 0 and its rate of false alarms is exact.
     """
-    labels = np.tile(is_first, (permutations + 1, 1))
-    labels[1:] = rng.permuted(labels[1:], axis=1)
-    return _p(curves, weights, labels)
+    found: list[Floats] = []
+    for rows in _blocks(permutations):
+        labels = np.tile(is_first, (rows, 1))
+        labels[0 if found else 1 :] = rng.permuted(labels[0 if found else 1 :], axis=1)
+        chosen = labels * weights
+        found.append(_distances(curves, weights, chosen @ curves.cdf, chosen.sum(axis=1)))
+    return _share_as_far(np.concatenate(found))
 
 
 def matched_p(
@@ -258,23 +262,40 @@ def matched_p(
         As for :func:`permutation_p`.
     """
     each = len(weights) // sets
-    chosen = np.zeros((permutations + 1, sets), np.int64)
-    chosen[1:] = rng.integers(0, each, (permutations, sets))
-    labels = np.zeros((permutations + 1, len(weights)), np.bool_)
-    rows = np.arange(permutations + 1)[:, None]
-    labels[rows, chosen * sets + np.arange(sets)[None, :]] = True
-    return _p(curves, weights, labels)
+    cdf = curves.cdf.reshape(each, sets, -1)
+    weight = weights.reshape(each, sets)
+    found: list[Floats] = []
+    for rows in _blocks(permutations):
+        chosen = rng.integers(0, each, (rows, sets))
+        if not found:
+            chosen[0] = 0
+        whole = np.zeros((rows, cdf.shape[2]))
+        for number in range(sets):
+            member = chosen[:, number]
+            whole += weight[member, number, None] * cdf[member, number]
+        own = weight[chosen, np.arange(sets)].sum(axis=1)
+        found.append(_distances(curves, weights, whole, own))
+    return _share_as_far(np.concatenate(found))
 
 
-def _p(curves: Curves, weights: Floats, labels: NDArray[np.bool_]) -> float:
-    size = sizes(curves)["wasserstein"]
-    blocks = [labels[begin : begin + _ROWS] for begin in range(0, len(labels), _ROWS)]
-    found = np.concatenate(
-        [size(gaps(curves, block * weights, ~block * weights)) for block in blocks]
-    )
+def _blocks(permutations: int) -> list[int]:
+    """Split the measured labels and their permutations into parts that fit into memory."""
+    whole, rest = divmod(permutations + 1, _ROWS)
+    return [_ROWS] * whole + [rest] * (rest > 0)
+
+
+def _distances(curves: Curves, weights: Floats, first: Floats, first_weight: Floats) -> Floats:
+    """Give Wasserstein-1 of weighted sums of rows, (labellings, points), to the rest."""
+    rest = weights @ curves.cdf - first
+    rest_weight = weights.sum() - first_weight
+    gap = first / first_weight[:, None] - rest / rest_weight[:, None]
+    return sizes(curves)["wasserstein"](gap)
+
+
+def _share_as_far(found: Floats) -> float:
+    """Give the part of the labellings that are as far apart as the first one, which counts."""
     # Equal labels in another order of summation are equal distances.
-    least = found[0] * (1.0 - 1e-9)
-    return float(np.count_nonzero(found >= least)) / len(found)
+    return float(np.count_nonzero(found >= found[0] * (1.0 - 1e-9))) / len(found)
 
 
 def _shares(weights: Floats) -> Floats:
