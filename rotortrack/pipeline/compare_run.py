@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from rotortrack.errors import InputError, UsageError
 from rotortrack.exchange import csv, parquet
-from rotortrack.files import atomic_path
+from rotortrack.files import atomic_path, make_folder
 from rotortrack.pipeline.folder_runs import only
 from rotortrack.pipeline.identity import Identity, identify, refuse_changed, sha256_of
 from rotortrack.pipeline.localise_run import Progress, silent
-from rotortrack.pipeline.parts import make_folder
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.scan_run import SCAN, SHAPES, TABLE, read_scan
