@@ -105,7 +105,7 @@ def _draw_rods(axes: Axes, comparison: Comparison, pair: AgainstRods) -> tuple[F
     )  # fmt: skip
     if math.isfinite(pair.rho):
         axes.text(
-            0.0, -0.45 / _HEIGHT_IN, f"weighted ρ = {words.minus(f'{pair.rho:.2f}')}, "
+            0.0, -0.45 / _HEIGHT_IN, f"simulated: weighted ρ = {words.minus(f'{pair.rho:.2f}')}, "
             f"{words.count(len(x), 'rod')}, area by weight",
             transform=axes.transAxes, va="top", fontsize=7.5,
         )  # fmt: skip
