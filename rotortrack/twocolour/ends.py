@@ -134,7 +134,7 @@ def undo_lag(
     pivot_nm: tuple[float, float],
     omega_rad_s: float,
     diffusion_rad2_s: float,
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats]:
     """Turn an end back to when the other one was exposed.
 
     Parameters
@@ -147,19 +147,27 @@ def undo_lag(
 
     Returns
     -------
-    x_nm, y_nm, extra_variance_nm2
-        The places, and the variance per axis that diffusion between both exposures adds.
+    places_nm, stray_nm
+        Where it was, and by how much diffusion between both exposures moves it along its ring, as a
+        vector of that length; (n, 2) each.
+
+    Notes
+    -----
+    Diffusion by the angle a shortens what is seen of a place on a ring to exp(-<a^2> / 2) of it on
+    the average: places are moved outwards by as much.
     """
     late = np.nan_to_num(late_s)
     turned = -late * (omega_rad_s if math.isfinite(omega_rad_s) else 0.0)
     dx, dy = x_nm - pivot_nm[0], y_nm - pivot_nm[1]
     cosine, sine = np.cos(turned), np.sin(turned)
     diffusion = diffusion_rad2_s if math.isfinite(diffusion_rad2_s) else 0.0
+    outwards = np.exp(np.abs(late) * max(diffusion, 0.0))
     # On the displayed image y points down, so that this turns counter-clockwise.
+    x, y = outwards * (cosine * dx + sine * dy), outwards * (cosine * dy - sine * dx)
+    stray = np.sqrt(1.0 - outwards**-2)
     return (
-        pivot_nm[0] + cosine * dx + sine * dy,
-        pivot_nm[1] - sine * dx + cosine * dy,
-        (dx**2 + dy**2) * np.abs(late) * max(diffusion, 0.0),
+        np.column_stack([pivot_nm[0] + x, pivot_nm[1] + y]),
+        np.column_stack([-stray * y, stray * x]),
     )
 
 

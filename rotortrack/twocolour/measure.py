@@ -81,6 +81,7 @@ class _Pair:
     first: Floats
     second: Floats
     variance: Floats
+    stray: Floats
     late_s: Floats
     place: Floats
     stretch: float
@@ -93,9 +94,20 @@ class _Pair:
 
     @property
     def noise_nm(self) -> Floats:
-        """Noise of the vector per axis, that of the registration left out."""
-        noise: Floats = np.sqrt(0.5 * self.variance.sum(axis=1))
+        """Noise of the vector across itself, which lengthens it; that of the registration left out.
+
+        Localisation noise is taken as the same along and across.
+        """
+        across = self.vector[:, ::-1] * np.array([-1.0, 1.0]) / self.length[:, np.newaxis]
+        strayed = np.sum(across * self.stray, axis=1)
+        noise: Floats = np.sqrt(0.5 * self.variance.sum(axis=1) + strayed**2)
         return noise
+
+    @property
+    def length(self) -> Floats:
+        """Length of the vector, (frames,)."""
+        length: Floats = np.hypot(*self.vector.T)
+        return length
 
     def moved(self, shift: Floats, map_sd_nm: float) -> _Pair:
         """Give the same with the second end shifted."""
@@ -181,7 +193,7 @@ def _pairs(
         ends = rows[["x1_nm", "y1_nm", "x2_nm", "y2_nm"]].to_numpy(np.float64)
         sd = rows[["x1_sd_nm", "y1_sd_nm", "x2_sd_nm", "y2_sd_nm"]].to_numpy(np.float64)
         late_s = rows["late_s"].to_numpy(np.float64)
-        x, y, extra = undo_lag(
+        second, stray = undo_lag(
             ends[:, 2],
             ends[:, 3],
             late_s,
@@ -192,13 +204,13 @@ def _pairs(
         finite = np.isfinite(ends).all(axis=1) & (np.isfinite(sd) & (sd > 0)).all(axis=1)
         if finite.sum() < min_frames:
             continue
-        variance = sd[:, :2] ** 2 + sd[:, 2:] ** 2 + extra[:, np.newaxis]
         yield _Pair(
             rotor=int(rows["rotor"].iloc[0]),
             frame=rows["frame"].to_numpy(np.int64)[finite],
             first=ends[finite, :2],
-            second=np.column_stack([x, y])[finite],
-            variance=variance[finite],
+            second=second[finite],
+            variance=(sd[:, :2] ** 2 + sd[:, 2:] ** 2)[finite],
+            stray=stray[finite],
             late_s=late_s[finite],
             place=place,
             stretch=_stretch(rotor),
@@ -260,24 +272,23 @@ def _remaining(pair: _Pair, shift: LocalShift, found: SmoothShift | str) -> Floa
 
 
 def _distance_of(pair: _Pair, options: EndsOptions) -> Distance:
-    lengths = np.hypot(*pair.vector.T)
     # A fixed error of the registration is noise to a vector that turns, but not to one that stays.
     turning = 1.0 - _constancy(pair) ** 2
     noise = np.sqrt(pair.noise_nm**2 + turning * pair.map_sd_nm**2)
-    return true_distance(lengths, noise, noise_prior=options.noise_prior)
+    return true_distance(pair.length, noise, noise_prior=options.noise_prior)
 
 
 def _constancy(pair: _Pair) -> float:
     """Give the length of the mean direction: 1 for a vector that stays, 0 for one that turns."""
-    vector = pair.vector
-    return float(np.hypot(*(vector / np.hypot(*vector.T)[:, np.newaxis]).mean(axis=0)))
+    return float(np.hypot(*(pair.vector / pair.length[:, np.newaxis]).mean(axis=0)))
 
 
 def _frame_rows(pair: _Pair, options: EndsOptions, timing: Timing) -> pd.DataFrame:
-    vector = pair.vector
-    length = np.hypot(*vector.T)
-    along = np.sqrt(np.sum((vector / length[:, np.newaxis]) ** 2 * pair.variance, axis=1))
-    sd = np.sqrt(pair.variance)
+    vector, length = pair.vector, pair.length
+    unit = vector / length[:, np.newaxis]
+    strayed = np.sum(unit * pair.stray, axis=1)
+    along = np.sqrt(np.sum(unit**2 * pair.variance, axis=1) + strayed**2)
+    sd = np.sqrt(pair.variance + pair.stray**2)
     values = {
         "rotor": np.full(len(length), pair.rotor),
         "frame": pair.frame,
@@ -302,9 +313,8 @@ def _rotor_row(
     rings = both_rings(
         pair.first, pair.second, registration_sd_nm=pair.map_sd_nm, stretch=pair.stretch
     )
-    vector = pair.vector
+    vector, length = pair.vector, pair.length
     axis = preferred_axis(np.arctan2(-vector[:, 1], vector[:, 0]))
-    length = np.hypot(*vector.T)
     stretch, best, told = pair.stretch, distance.default, distance.told_noise_nm
     # Of a vector that stays, the registration's error goes straight into its length.
     fixed = _constancy(pair) * pair.map_sd_nm

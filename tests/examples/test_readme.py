@@ -78,7 +78,7 @@ def test_every_section_of_a_scene_that_is_filmed_is_listed():
     assert set(listed) <= {*SCENE_SECTIONS, "rotors"}
 
 
-COMMANDS = set(re.findall(r"(?:`|^|/|&& )rotortrack ([a-z]+)\b", README, re.MULTILINE))
+COMMANDS = set(re.findall(r"(?:`|^|/|&& )rotortrack ([a-z-]+)\b", README, re.MULTILINE))
 
 
 @pytest.mark.parametrize("word", sorted(COMMANDS))

@@ -91,20 +91,35 @@ def test_an_end_is_turned_back_to_when_the_other_was_exposed(omega, late, angle,
         return pivot[0] + radius * math.cos(turned), pivot[1] - radius * math.sin(turned)
 
     seen = at(late)
-    x, y, extra = undo_lag(
+    places, stray = undo_lag(
         np.array([seen[0]]), np.array([seen[1]]), np.array([late]),
-        pivot_nm=pivot, omega_rad_s=omega, diffusion_rad2_s=3.0,
+        pivot_nm=pivot, omega_rad_s=omega, diffusion_rad2_s=0.0,
     )  # fmt: skip
-    assert (x[0], y[0]) == pytest.approx(at(0.0), abs=1e-9 * radius + 1e-9)
-    assert extra[0] == pytest.approx(radius**2 * 3.0 * late)
+    assert places[0] == pytest.approx(at(0.0), abs=1e-9 * radius + 1e-9)
+    assert stray[0].tolist() == [0.0, 0.0]
+
+
+def test_diffusion_between_the_exposures_biases_no_square_and_no_product():
+    rng = np.random.default_rng(1)
+    late, diffusion, radius = 1e-3, 40.0, 150.0
+    angle = rng.normal(0, math.sqrt(2 * diffusion * late), 400_000)
+    places, stray = undo_lag(
+        radius * np.cos(angle), -radius * np.sin(angle), np.full(angle.size, late),
+        pivot_nm=(0.0, 0.0), omega_rad_s=0.0, diffusion_rad2_s=diffusion,
+    )  # fmt: skip
+    assert places.mean(axis=0) == pytest.approx([radius, 0.0], abs=0.3)
+    # What it varies by about its mean is what it is told to stray by, along the ring.
+    assert np.sum(places.var(axis=0)) == pytest.approx(np.mean(np.sum(stray**2, axis=1)), rel=0.01)
+    assert np.abs(np.sum(stray * places, axis=1)).max() < 1e-9 * radius**2
 
 
 def test_an_unknown_lag_or_speed_changes_nothing():
-    x, y, extra = undo_lag(
+    places, stray = undo_lag(
         np.array([1.0]), np.array([2.0]), np.array([math.nan]),
         pivot_nm=(0.0, 0.0), omega_rad_s=math.nan, diffusion_rad2_s=math.nan,
     )  # fmt: skip
-    assert (x[0], y[0], extra[0]) == (1.0, 2.0, 0.0)
+    assert places.tolist() == [[1.0, 2.0]]
+    assert stray.tolist() == [[0.0, 0.0]]
 
 
 class _Shifted:
