@@ -20,12 +20,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Size = Callable[[Floats], Floats]
 
-FRAMES_REFUSED: Final = (
-    "frames of one rotor are not independent, so that a test on frames finds two halves of one "
-    "population different: whole rotors are permuted instead"
-)
-"""Why there is no test on frames."""
-
 GRID_REFUSED: Final = (
     "a grid of parameters is not a population: declare how probable its cells are with --prior"
 )
