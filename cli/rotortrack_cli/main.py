@@ -33,6 +33,7 @@ _COMMANDS = {
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
     "register": "How the second colour lies on the first, from films of beads.",
     "end-to-end": "Distances between both ends of every rotor, less noise.",
+    "compare": "Measured against measured and simulated distances and speeds.",
     "contour": "Rods in an AFM image: lengths and stiffness.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",

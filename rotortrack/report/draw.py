@@ -23,6 +23,7 @@ from rotortrack.report.figures import (
     canvas,
     contour,
     cumulative_angle,
+    distances,
     end_to_end,
     energetics,
     examples,
@@ -36,6 +37,7 @@ from rotortrack.report.figures import (
     rotor_sheet,
     scatter,
     speeds,
+    speeds_distances,
     voltage,
     voltage_traces,
 )
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from rotortrack.motion.ensemble import Ensemble
     from rotortrack.motion.plan_movie import MoviePlan
     from rotortrack.movies.movie import Movie
+    from rotortrack.twocolour.compare import Comparison
 
 _FOLDER = "figures"
 
@@ -261,6 +264,16 @@ def draw_particles(
 def draw_contours(path: Path, traced: Traced, file_format: FileFormat = "png") -> None:
     """Draw the rods of an image of an atomic force microscope over it, into a file."""
     canvas.save(contour.figure(traced), path, file_format)
+
+
+def draw_distances(path: Path, comparison: Comparison, file_format: FileFormat = "png") -> None:
+    """Draw compared end-to-end distances into a file."""
+    canvas.save(distances.figure(comparison), path, file_format)
+
+
+def draw_speeds(path: Path, comparison: Comparison, file_format: FileFormat = "png") -> None:
+    """Draw speeds against end-to-end distances of what was compared into a file."""
+    canvas.save(speeds_distances.figure(comparison), path, file_format)
 
 
 def draw_plan(path: Path, planned: MoviePlan, file_format: FileFormat = "png") -> None:

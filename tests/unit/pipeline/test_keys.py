@@ -55,7 +55,7 @@ def test_every_option_that_decides_a_kept_result_is_in_a_key():
         *("movie.frame_interval_s", "movie.exposure_s", "movie.mirrored", "motion"),
         *("ends", "channels.registration", "channels.line_time_s"),
         # Of commands beside the workflow.
-        *("link", "plan", "contour", "register"),
+        *("link", "plan", "contour", "register", "compare"),
         # A guard: it refuses a movie or changes nothing.
         "movie.max_frame_megapixels",
         # It counts by the content of its file.
