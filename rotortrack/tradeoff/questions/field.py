@@ -159,9 +159,11 @@ def _stored() -> Numbers:
     from rotortrack.simulate.field.embedded import EMBEDDED
     from rotortrack.simulate.field.table import FieldTable
 
-    begun = time.process_time()
-    table = FieldTable.load(EMBEDDED)
-    spent_s = time.process_time() - begun
+    spent_s = math.inf
+    for _ in range(3):
+        begun = time.process_time()
+        table = FieldTable.load(EMBEDDED)
+        spent_s = min(spent_s, time.process_time() - begun)
     return Numbers(table.current_a, table.flow_m3_s, table, spent_s, 0.0)
 
 

@@ -142,7 +142,7 @@ def measure(
 
 
 def to_first(places_nm: Floats) -> Floats:
-    """Map places of the second colour, nm from its own corner, (n, 2), onto the first: the truth."""
+    """Map places of the second colour, nm from its corner, (n, 2), onto the first: the truth."""
     middle = 0.5 * FIELD_NM
     u = (places_nm - middle) / middle
     radial = RADIAL_NM * u * np.sum(u**2, axis=1, keepdims=True)

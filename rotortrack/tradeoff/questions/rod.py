@@ -160,9 +160,7 @@ def settled(
         return rate, spent_s
     rod = RodOptions(n_vertices=count)
     try:
-        found, more_s = timed(
-            lambda: find_equilibrium(rod, embedded_table(), run.positions_nm[-1])
-        )
+        found, more_s = timed(lambda: find_equilibrium(rod, embedded_table(), run.positions_nm[-1]))
     except RodError:
         return rate, spent_s
     return found.rate_rev_s, spent_s + more_s
