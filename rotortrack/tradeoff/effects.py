@@ -31,16 +31,19 @@ EVERYTHING: Final[dict[str, Any]] = {
     "background": {"texture": 0.1, "gradient": [0.2, 0.1]},
     "laser": {},
     "flicker": {},
+    "psf": {"model": "airy"},
     "drift": {"total_nm": [50.0, -30.0], "walk_nm": 0.3},
     "vibration": {},
     "free_rods": {},
     "split": {"shift_nm": [80.0, -40.0], "radial_nm": 60.0, "crosstalk": [0.05, 0.0]},
+    "fiducials": {},
     "camera": {},
     "pixel_maps": {},
     "hot_pixels": {},
     "column_noise": {},
     "rolling_shutter": {},
     "dropped": {"fraction": 0.01},
+    "timestamps": {},
 }
 """A scene with every effect, for those who bring none."""
 

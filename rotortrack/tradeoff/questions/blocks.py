@@ -191,7 +191,6 @@ def _localised(folder: Path, camera: Camera, plan: Plan) -> tuple[str, float]:
         begun = time.perf_counter()
         for block in blocks:
             spent_s += time.perf_counter() - begun
-            for name in ("frame", "x_nm", "y_nm", "photons"):
             for name, digest in digests.items():
                 digest.update(block.columns[name].tobytes())
             begun = time.perf_counter()
