@@ -113,11 +113,11 @@ class Answer:
             The text is something else.
         """
         content = json.loads(text)
-        points = tuple(
-            Point(**{name: math.nan if value is None else value for name, value in one.items()})
-            for one in content.pop("points")
-        )
-        return cls(points=points, **content)
+        points = []
+        for one in content.pop("points"):
+            values: dict[str, Any] = {k: math.nan if v is None else v for k, v in one.items()}
+            points.append(Point(**values))
+        return cls(points=tuple(points), **content)
 
     def to_csv(self) -> str:
         """Give the points as a table."""

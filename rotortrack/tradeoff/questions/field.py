@@ -175,7 +175,8 @@ def _rotating(rod: tuple[float, float], table: FieldTable) -> Array:
 
     start = place_rod(_rod(rod), StartOptions(), membrane_nm=table.membrane_nm)
     stepping = SteppingOptions(duration_us=RUN_US, sample_us=RUN_US)
-    return run_rod(_rod(rod), stepping, start, table).positions_nm[-1]
+    last: Array = run_rod(_rod(rod), stepping, start, table).positions_nm[-1]
+    return last
 
 
 def _rate(rod: tuple[float, float], shape_nm: Array, table: FieldTable) -> float:

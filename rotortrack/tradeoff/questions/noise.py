@@ -126,9 +126,11 @@ def measure(group: str, method: str, step_ns: float, sizes: Sizes) -> Point:
     begun = time.thread_time()
     try:
         run = run_rod(rod, stepping, start, thermal=thermal)
-    except RodError as error:
+    except RodError as problem:
         seconds = (time.thread_time() - begun) / duration_us
-        return Point(setting, group, math.nan, math.nan, math.nan, seconds, is_default, str(error))
+        return Point(
+            setting, group, math.nan, math.nan, math.nan, seconds, is_default, str(problem)
+        )
     seconds = (time.thread_time() - begun) / duration_us
     value, sd = _bending(run, rod) if bends else _turning(run, rod)
     error = abs(value)

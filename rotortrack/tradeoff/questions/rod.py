@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rotortrack.tradeoff.point import Answer, Effort, Point, Progress, stamped
@@ -101,7 +102,7 @@ def stepping(sizes: Sizes, progress: Progress) -> list[Point]:
     """Compare ways of stepping by the rate over the last tenth of the docking of one rod."""
     span_us = 0.1 * sizes.stepping_us
     progress("reference", 0, 0)
-    fine = {"tolerance_nm": sizes.reference_nm, "max_step_us": 0.02}
+    fine: dict[str, Any] = {"tolerance_nm": sizes.reference_nm, "max_step_us": 0.02}
     true = late_rate(_run(sizes.stepping_us, **fine), span_us)
     errors, seconds = {}, dict.fromkeys(STEPPING, math.inf)
     for repeat in range(sizes.repeats):
@@ -109,7 +110,7 @@ def stepping(sizes: Sizes, progress: Progress) -> list[Point]:
             if repeat and name in EXPLICIT:
                 continue
             progress("stepping", repeat * len(STEPPING) + number, sizes.repeats * len(STEPPING))
-            run, spent_s = timed(lambda chosen=chosen: _run(sizes.stepping_us, **chosen))
+            run, spent_s = timed(partial(_run, sizes.stepping_us, **chosen))
             errors[name] = max(abs(late_rate(run, span_us) / true - 1.0), RESOLVED)
             seconds[name] = min(seconds[name], spent_s)
     return [
@@ -153,7 +154,7 @@ def settled(
     from rotortrack.simulate.rod.options import RodOptions
     from rotortrack.simulate.rod.relative_equilibrium import find_equilibrium
 
-    loose = {"tolerance_nm": 0.1} if newton else {}
+    loose: dict[str, Any] = {"tolerance_nm": 0.1} if newton else {}
     run, spent_s = timed(lambda: _run(sizes.settled_us, count, offset_nm, **loose))
     rate = late_rate(run, 0.1 * sizes.settled_us) * 1e6 / (2.0 * math.pi)
     if not newton:
