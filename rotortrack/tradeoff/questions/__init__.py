@@ -1,0 +1,11 @@
+"""One experiment a file: what a dial of the analysis or the simulation costs and what it buys."""
+
+from __future__ import annotations
+
+from typing import Final
+
+QUESTIONS: Final[dict[str, str]] = {
+    name: f"rotortrack.tradeoff.questions.{name}"
+    for name in ("registration", "field", "rod", "noise", "blocks", "run")
+}
+"""Module of each question by its name; none is imported before it is asked."""
