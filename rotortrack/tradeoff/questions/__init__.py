@@ -6,6 +6,9 @@ from typing import Final
 
 QUESTIONS: Final[dict[str, str]] = {
     name: f"rotortrack.tradeoff.questions.{name}"
-    for name in ("registration", "field", "rod", "noise", "blocks", "run")
+    for name in (
+        *("localiser", "filter", "drift", "circle", "speed", "msd"),
+        *("registration", "field", "rod", "noise", "blocks", "run"),
+    )
 }
 """Module of each question by its name; none is imported before it is asked."""
