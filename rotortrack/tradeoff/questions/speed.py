@@ -60,7 +60,7 @@ class Sizes:
     repeats: int
 
 
-SIZES: Final = {"quick": Sizes(8, 1), "usual": Sizes(80, 1), "thorough": Sizes(800, 2)}
+SIZES: Final = {"quick": Sizes(6, 1), "usual": Sizes(50, 1), "thorough": Sizes(800, 2)}
 
 
 @dataclass(frozen=True)
