@@ -37,7 +37,8 @@ SETTINGS: Final[dict[str, dict[str, Any]]] = {
     "40 bins": {"bins": 40},
     "magnification 2": {"magnification": 2.0},
     "magnification 10": {"magnification": 10.0},
-    "no smoothing": {"smoothing": 0.01},
+    "20 bins, smoothing 0.1": {"bins": 20, "smoothing": 0.1},
+    "40 bins, smoothing 0.1": {"bins": 40, "smoothing": 0.1},
 }
 
 
@@ -113,13 +114,12 @@ def advice(points: list[Point]) -> str:
     told = []
     for default in (point for point in points if point.is_default):
         own = [p for p in points if p.group == default.group and not p.failed]
-        best = min(own, key=lambda point: point.error)
         left = next(p for p in own if p.setting == "none")
+        best = min(own, key=lambda point: point.error)
+        better = f", {best.error:.2g} nm by {best.setting}" if best.error < default.error else ""
         told.append(
-            f"{default.error:.1f} nm of {left.error:.0f} nm are left with 10 bins and "
-            f"{best.error:.1f} nm with {best.setting} ({default.group})"
-            if best.setting != "none"
-            else f"nothing is gained by a correction ({default.group})"
+            f"{left.error:.2g} nm become {default.error:.2g} nm by {DEFAULT}{better} "
+            f"({default.group})"
         )
     return "; ".join(told).capitalize() + "."
 
@@ -135,9 +135,7 @@ def measure(group: str, kind: Field, sizes: Sizes, progress: Progress) -> list[P
     }
     points = []
     for name, (found, seconds) in in_turns(works, sizes.repeats, progress, group).items():
-        errors = [
-            error_nm(drift, truth) for drift, (_, truth) in zip(found, fields, strict=True)
-        ]
+        errors = [error_nm(drift, truth) for drift, (_, truth) in zip(found, fields, strict=True)]
         per_spots = 1e5 * seconds / spots
         points.append(Point(name, group, *interval_of_mean(errors), per_spots, name == DEFAULT))
     return points

@@ -186,9 +186,7 @@ def compared(
 
     middles = candidates + np.array([0.0, 0.5, 0.5])
     found, true = (
-        pd.DataFrame(
-            {"frame": of[:, 0], "x_nm": PIXEL_NM * of[:, 2], "y_nm": PIXEL_NM * of[:, 1]}
-        )
+        pd.DataFrame({"frame": of[:, 0], "x_nm": PIXEL_NM * of[:, 2], "y_nm": PIXEL_NM * of[:, 1]})
         for of in (middles, truth)
     )
     matched = match_spots(found, true)

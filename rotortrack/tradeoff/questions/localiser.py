@@ -169,9 +169,7 @@ def measure(
         failed = lost[name] > MOST_LOST
         error = (math.nan,) * 3 if failed else rms_interval(squares)
         why = f"gives {lost[name]:.0%} of the spots no place" if failed else ""
-        points.append(
-            Point(name, group, *error, 1e3 * seconds / sizes.spots, name == DEFAULT, why)
-        )
+        points.append(Point(name, group, *error, 1e3 * seconds / sizes.spots, name == DEFAULT, why))
     return points, bound_nm(spots, arrays[True], places)
 
 

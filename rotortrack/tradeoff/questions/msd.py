@@ -78,7 +78,7 @@ def advice(points: list[Point]) -> str:
     own, sums = of[longest, DEFAULT], of[longest, "sums, half of the lags"]
     return (
         f"Transforms take {1e3 * own.seconds:.2g} ms for {longest}, {sums.seconds / own.seconds:.0f}"
-        f" times less than sums, and keep all digits but the last {own.error:.0e}."
+        f" times less than sums, with a relative error of {own.error:.0e}."
     )
 
 
@@ -87,7 +87,7 @@ def measure(frames: int, sizes: Sizes, progress: Progress) -> list[Point]:
     group = f"{frames} frames"
     rng = np.random.default_rng(frames)
     tracks = [turning(frames, rng) for _ in range(sizes.tracks)]
-    shortest = int(min(part for _, part in SETTINGS.values()) * frames)
+    shortest = int(min(part for _, part in SETTINGS.values()) * (frames - 1))
     lags = np.unique(np.geomspace(1, shortest, COMPARED).astype(np.int64))
     truths = [by_sums(track.astype(np.longdouble), lags) for track in tracks]
     works = {name: functools.partial(curves, tracks, *SETTINGS[name]) for name in SETTINGS}

@@ -94,11 +94,7 @@ def advice(points: list[Point]) -> str:
     ratios = {
         p.group: p.error / bound_rad_s(GROUPS[p.group]) for p in points if p.setting == DEFAULT
     }
-    paper = {
-        p.group: p.error / bound_rad_s(GROUPS[p.group])
-        for p in points
-        if p.setting == PAPER
-    }
+    paper = {p.group: p.error / bound_rad_s(GROUPS[p.group]) for p in points if p.setting == PAPER}
     worst = max(paper, key=lambda group: paper[group])
     return (
         f"auto stays within {max(ratios.values()):.2f} times the bound; the paper's fit of the MSD "
