@@ -12,3 +12,6 @@ QUESTIONS: Final[dict[str, str]] = {
     )
 }
 """Module of each question by its name; none is imported before it is asked."""
+
+ON_MOVIES: Final = ("localiser", "drift")
+"""Questions that can be asked about what a movie of the user's is like."""

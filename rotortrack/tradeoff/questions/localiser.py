@@ -267,4 +267,5 @@ def _kept(results: Floats, flags: NDArray[np.int32]) -> NDArray[np.bool_]:
     from rotortrack.flags import FitFlag
 
     dropped = int(FitFlag.LEFT_WINDOW | FitFlag.SINGULAR | FitFlag.NOT_FINITE)
-    return (flags & dropped == 0) & np.isfinite(results[:2]).all(axis=0)
+    kept: NDArray[np.bool_] = (flags & dropped == 0) & np.isfinite(results[:2]).all(axis=0)
+    return kept
