@@ -78,7 +78,8 @@ def advice(points: list[Point]) -> str:
     own, sums = of[longest, DEFAULT], of[longest, "sums, half of the lags"]
     return (
         f"Transforms take {1e3 * own.seconds:.2g} ms for {longest}, "
-        f"{sums.seconds / own.seconds:.0f} times less than sums, with a relative error of {own.error:.0e}."
+        f"{sums.seconds / own.seconds:.0f} times less than sums, with a relative error of "
+        f"{own.error:.0e}."
     )
 
 
