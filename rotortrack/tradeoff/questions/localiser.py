@@ -3,7 +3,10 @@
 Single spots at random places within a pixel are filmed by a camera whose pixels differ in offset,
 gain and read noise, and every setting estimates them from the same counts. The error is the rms
 distance per axis over the spots of which every setting gives a place; one that gives none for more
-than a tenth of them is left out. The bound is that of Cramer and Rao with the background, photons
+than a tenth of them is left out. A place counts as none, too, where its own standard deviation
+exceeds half the window: at 100 photons the correction of the bias moves one likelihood fit in 2000
+far out of its window, with an error of thousands of pixels that `quality.max_uncertainty_nm` drops
+in a run. The bound is that of Cramer and Rao with the background, photons
 and width unknown, in the largest window.
 """
 
@@ -159,7 +162,7 @@ def measure(
         windows = cut_windows(counts, arrays[setting.maps], candidates, setting.radius_px)
         works[name] = functools.partial(estimated, windows, setting)
     found = in_turns(works, sizes.repeats, progress, group)
-    kept = {name: _kept(*fit) for name, (fit, _) in found.items()}
+    kept = {name: _kept(*fit, SETTINGS[name].radius_px) for name, (fit, _) in found.items()}
     lost = {name: 1.0 - float(np.mean(good)) for name, good in kept.items()}
     shared = np.logical_and.reduce([good for name, good in kept.items() if lost[name] <= MOST_LOST])
     points = []
@@ -262,10 +265,12 @@ def bound_nm(spots: Spots, arrays: CameraArrays, places: Floats, most: int = 500
     return math.sqrt(total / len(chosen)) * spots.pixel_size_nm
 
 
-def _kept(results: Floats, flags: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Tell which spots `localise` would report."""
+def _kept(results: Floats, flags: NDArray[np.int32], radius_px: int) -> NDArray[np.bool_]:
+    """Tell which spots `localise` would report with an error that their window can hold."""
     from rotortrack.flags import FitFlag
+    from rotortrack.localise.fit import RESULT_COLUMNS
 
     dropped = int(FitFlag.LEFT_WINDOW | FitFlag.SINGULAR | FitFlag.NOT_FINITE)
+    errors = [results[RESULT_COLUMNS.index(name)] for name in ("x_sd_px", "y_sd_px")]
     kept: NDArray[np.bool_] = (flags & dropped == 0) & np.isfinite(results[:2]).all(axis=0)
-    return kept
+    return kept & (np.maximum(*errors) <= radius_px)

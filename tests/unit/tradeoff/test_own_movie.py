@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -49,4 +51,4 @@ def test_frames_are_spread_over_a_long_movie_and_all_of_a_short_one():
     assert spans[0][0] == 0
     assert spans[-1][1] == 100_000
     assert all(stop - start == SPAN_FRAMES for start, stop in spans)
-    assert all(b[0] > a[1] for a, b in zip(spans, spans[1:], strict=False))
+    assert all(b[0] > a[1] for a, b in itertools.pairwise(spans))
