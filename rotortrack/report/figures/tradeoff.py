@@ -151,7 +151,7 @@ def _panel(
     axes.set_xlim(*_range(seconds))
     axes.set_ylim(*_range(np.concatenate([low, high, [bound] if bound else []])))
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        canvas.log_ticks(axis, *limits)
+        canvas.log_ticks(axis, *limits, wide=1.6)
     _number(axes, seconds, errors, [str(settings.index(p["setting"]) + 1) for p in points])
 
 

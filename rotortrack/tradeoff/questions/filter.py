@@ -30,16 +30,16 @@ Floats = NDArray[np.float64]
 
 TITLE: Final = "filter and threshold: spots found, missed and false"
 
-DEFAULT: Final = "5.5 noise"
+DEFAULT: Final = "threshold 5.5 noise"
 SETTINGS: Final[dict[str, dict[str, Any]]] = {
-    "4 noise": {"threshold": "4*noise(Wave.F)"},
-    "5 noise": {"threshold": "5*noise(Wave.F)"},
+    "threshold 4 noise": {"threshold": "4*noise(Wave.F)"},
+    "threshold 5 noise": {"threshold": "5*noise(Wave.F)"},
     DEFAULT: {},
-    "6 noise": {"threshold": "6*noise(Wave.F)"},
-    "8 noise": {"threshold": "8*noise(Wave.F)"},
+    "threshold 6 noise": {"threshold": "6*noise(Wave.F)"},
+    "threshold 8 noise": {"threshold": "8*noise(Wave.F)"},
     "paper: std(Wave.F1)": {"threshold": "std(Wave.F1)"},
-    "std(Wave.F)": {"threshold": "4*std(Wave.F)"},
-    "4 neighbours": {"connectivity": 4},
+    "threshold 4 std(Wave.F)": {"threshold": "4*std(Wave.F)"},
+    "four neighbours": {"connectivity": 4},
     "order 2": {"wavelet_order": 2},
     "scale 1.5": {"wavelet_scale": 1.5},
     "scale 3": {"wavelet_scale": 3.0},

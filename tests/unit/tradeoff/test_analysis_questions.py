@@ -100,8 +100,8 @@ def test_candidates_that_are_all_right_have_no_error():
 
 def test_a_low_threshold_has_false_candidates_and_a_high_one_misses_faint_spots():
     faint = by_setting("filter", "150 photons, 10 spots")
-    assert faint["8 noise"].error > 3.0 * faint["5.5 noise"].error
-    assert faint["4 noise"].error > faint["5.5 noise"].error
+    assert faint["threshold 8 noise"].error > 3.0 * faint["threshold 5.5 noise"].error
+    assert faint["threshold 4 noise"].error > faint["threshold 5.5 noise"].error
 
 
 def test_drift_is_told_but_for_a_few_nanometres():
