@@ -16,7 +16,15 @@ from pathlib import Path
 from rotortrack.errors import ResourceError
 from rotortrack.locks import HOST, is_running, lock_owner, locked
 
-__all__ = ["atomic_path", "flush_folder", "lock_owner", "locked", "sweep", "write_text"]
+__all__ = [
+    "atomic_path",
+    "flush_folder",
+    "lock_owner",
+    "locked",
+    "make_folder",
+    "sweep",
+    "write_text",
+]
 
 TEMPORARY_MARK = ".rotortrack-part-"
 
@@ -71,6 +79,23 @@ def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 text file atomically."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, where it is not there yet.
+
+    Raises
+    ------
+    ResourceError
+        A file is in the way, or the place cannot be written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResourceError(
+            f"{path} cannot be made a folder ({error.strerror}): free space, move what is in its "
+            "way, or choose another folder with -o"
+        ) from error
 
 
 def sweep(folder: Path) -> int:

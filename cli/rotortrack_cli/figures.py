@@ -30,5 +30,8 @@ def draw(result: Result, stages: Stages) -> None:
         msds=result.tables.get("msd"),
         voltages=result.tables.get("voltages"),
         voltage_speeds=result.tables.get("voltage_speeds"),
+        ends=result.tables.get("end_to_end"),
+        end_rotors=result.tables.get("end_to_end_rotors"),
+        pore_axis_deg=result.settings["ends"].pore_axis_deg,
         progress=lambda done, total: stages("figures", done, total),
     )

@@ -7,6 +7,7 @@ metadata, preset, configuration, flags) are merged.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import re
 import tomllib
@@ -41,6 +42,11 @@ class Given:
     flags: Mapping[str, Mapping[str, Any]]
     workers: int | None
     strict: bool
+
+    def adding(self, section: str, **values: Any) -> Given:
+        """Give the same with further flags."""
+        flags = {**self.flags, section: {**self.flags.get(section, {}), **values}}
+        return dataclasses.replace(self, flags=flags)
 
 
 def stage_options(*sections: str) -> Callable[[_Function], _Function]:
@@ -186,14 +192,22 @@ def _read_config(path: Path) -> Layer:
 def _located(
     values: Mapping[str, Mapping[str, Any]], folder: Path
 ) -> Mapping[str, Mapping[str, Any]]:
-    """Say where the camera maps lie without regard to a folder: a run records it for later."""
-    maps = values.get("camera", {}).get("camera_maps")
-    if not isinstance(maps, str):
-        return values
-    # A folder that was removed has no name; the reader of the maps says so.
-    with contextlib.suppress(OSError):
-        maps = str((folder / maps).absolute())
-    return {**values, "camera": {**values["camera"], "camera_maps": maps}}
+    """Say where named files lie without regard to a folder: a run records it for later."""
+    located = {section: dict(entries) for section, entries in values.items()}
+    for section, key in _FILES_NAMED:
+        name = located.get(section, {}).get(key)
+        # A folder that was removed has no name; the reader of the file says so.
+        with contextlib.suppress(OSError):
+            if isinstance(name, str):
+                located[section][key] = str((folder / name).absolute())
+    return located
+
+
+_FILES_NAMED = (
+    ("camera", "camera_maps"),
+    ("channels", "registration"),
+    ("channels", "second_movie"),
+)
 
 
 _LONGEST_VALUE = 1_000

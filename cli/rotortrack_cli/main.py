@@ -32,6 +32,7 @@ _COMMANDS = {
     "review": "Verdicts on single rotors: list them, or overrule the screening.",
     "track": "Mobile particles: spots to tracks and diffusion coefficients.",
     "register": "How the second colour lies on the first, from films of beads.",
+    "end-to-end": "Distances between both ends of every rotor, less noise.",
     "contour": "Rods in an AFM image: lengths and stiffness.",
     "plan": "What photons, frames and exposure a speed will need.",
     "calibrate": "Camera maps from a dark film and films of steady light.",
@@ -45,7 +46,10 @@ _COMMANDS = {
 @click.command(
     "rotortrack",
     cls=LazyGroup,
-    lazy={name: (f"rotortrack_cli.commands.{name}", text) for name, text in _COMMANDS.items()},
+    lazy={
+        name: (f"rotortrack_cli.commands.{name.replace('-', '_')}", text)
+        for name, text in _COMMANDS.items()
+    },
     aliases={"localize": "localise"},
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -79,7 +79,47 @@ def _show(console: Console, result: Result, seconds: float) -> None:
         console.table(*_speeds(kept))
         if len(kept) > ROTORS_SHOWN:
             console.text(f"... and {len(kept) - ROTORS_SHOWN} more in rotors.csv")
+    if "end_to_end_rotors" in result.tables:
+        show_ends(console, result)
     console.text(f"\n{seconds:.1f} s; results in {result.folder.path}")
+
+
+def show_ends(console: Console, result: Result) -> None:
+    """Print the end-to-end distances of a run."""
+    rotors = result.tables["end_to_end_rotors"]
+    field = result.record.content["end_to_end"]
+    console.text("")
+    if rotors.empty:
+        console.text("no rotor shows both ends")
+        return
+    console.table(
+        [
+            "rotor",
+            "end-to-end nm",
+            "+-",
+            "breathing nm",
+            "noise nm",
+            "R1 nm",
+            "R2 nm",
+            "arrangement",
+        ],
+        [
+            [
+                row["rotor"],
+                row["end_to_end_nm"],
+                row["end_to_end_sd_nm"],
+                row["breathing_nm"],
+                row["noise_nm"],
+                row["first_radius_nm"],
+                row["second_radius_nm"],
+                row["arrangement"],
+            ]
+            for row in rotors.head(ROTORS_SHOWN).to_dict("records")
+        ],
+    )
+    if len(rotors) > ROTORS_SHOWN:
+        console.text(f"... and {len(rotors) - ROTORS_SHOWN} more in end_to_end_rotors.csv")
+    console.text(f"registration checked by turning rotors: {field['correction']}")
 
 
 def _frames(counts: dict[str, Any]) -> str:

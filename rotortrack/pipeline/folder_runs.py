@@ -20,6 +20,7 @@ from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.pipeline.provenance import FIRST_FRAME, RECORDED_FRAMES, Record, following
 from rotortrack.pipeline.run import Draw, Result, record_found, record_verdicts, stage
+from rotortrack.pipeline.second_colour import ENDS, ends_of
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.pipeline.table_runs import read_for, settings_for_table
 from rotortrack.pipeline.voltage_run import measure_voltages
@@ -128,7 +129,11 @@ def motion_of_run(
             record.content["population"] = of_rotors(moved.rotors).plain()
             tables.update(moved.tables)
             names = list(moved.tables)
-            kept = ["localisations", "drift"]
+            if "registration" in record.content:
+                tables["second_localisations"] = folder.read("second_localisations")
+                tables.update(ends_of(tables, folder.registration(), settings, record))
+                names += ENDS
+            kept = ["localisations", "drift", "second_localisations"]
             if decisions is judged:
                 kept.append("decisions")
             else:

@@ -10,6 +10,7 @@ from rotortrack.exchange.tables import write_localisations
 from rotortrack.exchange.writer import TableInfo
 from rotortrack.motion.tables import MSDS, POSTERIOR, PROFILES, SWITCHES, VOLTAGE_SPEEDS, VOLTAGES
 from rotortrack.tables import DECISIONS, DRIFT, LOCALISATIONS, ROTORS, TRACKS, Schema
+from rotortrack.twocolour.tables import END_TO_END, END_TO_END_ROTORS, SECOND_LOCALISATIONS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,11 +20,12 @@ SCHEMAS: dict[str, Schema] = {
     for schema in (
         *(LOCALISATIONS, ROTORS, TRACKS, DRIFT, DECISIONS),
         *(MSDS, POSTERIOR, PROFILES, SWITCHES, VOLTAGES, VOLTAGE_SPEEDS),
+        *(SECOND_LOCALISATIONS, END_TO_END, END_TO_END_ROTORS),
     )
 }
 """Schemas of all tables that a run folder may hold, by name."""
 
-_SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name)
+_SHORT = (ROTORS.name, SWITCHES.name, VOLTAGE_SPEEDS.name, END_TO_END_ROTORS.name)
 
 
 def files_of(folder: Path, schema: Schema) -> list[Path]:

@@ -50,6 +50,7 @@ STAGES = (
         (
             *("movie.region", "movie.frames", "movie.axes", "movie.channel", "movie.z_slice"),
             *("movie.salvage", "camera"),
+            *("channels.split", "channels.swapped", "channels.first_region"),
         ),
         (*_NOUNS, "movies", "cameras", "pipeline/run.py", "pipeline/checkpoints.py"),
     ),
@@ -67,8 +68,22 @@ STAGES = (
 )
 """The stages whose results are kept, in order; motion and figures are made anew each time."""
 
+SECOND = Stage(
+    "second",
+    (
+        *("movie.region", "movie.frames", "movie.axes", "movie.channel", "movie.z_slice"),
+        *("movie.salvage", "camera", "movie.pixel_size_nm", "localise", "channels.split"),
+        *("channels.swapped", "channels.second_region", "channels.second_channel"),
+        "channels.second_sigma_px",
+    ),
+    (*STAGES[0].code, *STAGES[1].code, "pipeline/colours.py", "pipeline/second_colour.py"),
+)
+"""The localisations of a second colour, which stand beside those of the first."""
 
-def stage_keys(files: Sequence[Identity], settings: Settings) -> dict[str, str]:
+
+def stage_keys(
+    files: Sequence[Identity], settings: Settings, second: Sequence[Identity] = ()
+) -> dict[str, str]:
     """Give the key of every stage of a run, by its name.
 
     Parameters
@@ -77,19 +92,26 @@ def stage_keys(files: Sequence[Identity], settings: Settings) -> dict[str, str]:
         The movie's files.
     settings
         Resolved options; camera maps count by their content, not by their name.
+    second
+        Files of the second colour; none where there is one colour.
     """
     maps = settings["camera"].camera_maps
-    content: list[object] = [file.key for file in files]
-    content += [identify(Path(maps)).key if maps else None, _versions()]
+    around: list[object] = [identify(Path(maps)).key if maps else None, _versions()]
+    content: list[object] = [file.key for file in files] + around
     keys: dict[str, str] = {}
     key = ""
     for stage in STAGES:
-        content += [key, stage.name, _chosen(stage, settings), _code_version(stage.code)]
-        text = json.dumps(content, sort_keys=True, default=str)
-        key = hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=8).hexdigest()
-        keys[stage.name] = key
+        key = keys[stage.name] = _key(stage, [*content, key], settings)
         content = []
+    if second:
+        keys[SECOND.name] = _key(SECOND, [file.key for file in second] + around, settings)
     return keys
+
+
+def _key(stage: Stage, content: list[object], settings: Settings) -> str:
+    content = [*content, stage.name, _chosen(stage, settings), _code_version(stage.code)]
+    text = json.dumps(content, sort_keys=True, default=str)
+    return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=8).hexdigest()
 
 
 def _chosen(stage: Stage, settings: Settings) -> dict[str, Any]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 PART_PIXELS = 2**26
 """Pixels localised between two parts: a second or two of work."""
 
-_STAGE = "localise"
+_FIRST = "localise"
 
 
 def localise_in_parts(
@@ -45,6 +45,7 @@ def localise_in_parts(
     *,
     workers: int | None,
     progress: Progress,
+    stage: str = "localise",
 ) -> tuple[pd.DataFrame, list[str]]:
     """Localise what earlier runs have not, keep it, and join everything.
 
@@ -58,6 +59,9 @@ def localise_in_parts(
         Where the work is kept, and what the manifest will say.
     workers, progress
         As everywhere.
+    stage
+        Under which name the work is kept; what becomes of candidates is counted for `localise`
+        alone.
 
     Returns
     -------
@@ -69,23 +73,24 @@ def localise_in_parts(
     InputError
         A file changed while it was read.
     """
-    facts = parts.facts(_STAGE)
+    facts = parts.facts(stage)
     hashes = _hashes(facts, len(files))
     for _ in range(2):
         if facts is None or hashes is None:
-            hashes = _complete(source, files, parts, workers=workers, progress=progress)
-        found = frame_parts(parts.folder(_STAGE), source.movie.shape[0])
+            hashes = _complete(source, files, parts, stage, workers=workers, progress=progress)
+        found = frame_parts(parts.folder(stage), source.movie.shape[0])
         if not missing_frames(found, source.movie.shape[0]):
             try:
                 table = read_frame_parts(found)
             except TableError:
                 _remove_damaged(found)
             else:
-                progress(_STAGE, source.movie.shape[0], source.movie.shape[0])
-                _recount(source, found, record)
+                progress(stage, source.movie.shape[0], source.movie.shape[0])
+                if stage == _FIRST:
+                    _recount(source, found, record)
                 return table, hashes
         facts = None
-    folder = parts.folder(_STAGE)
+    folder = parts.folder(stage)
     raise ResourceError(
         f"{folder} does not give back what was written to it: check the disk, or choose another "
         "run folder with -o"
@@ -96,17 +101,18 @@ def _complete(
     source: OpenedMovie,
     files: list[Identity],
     parts: Parts,
+    stage: str,
     *,
     workers: int | None,
     progress: Progress,
 ) -> list[str]:
     """Localise the frames that no part holds and mark the stage as finished."""
     frames = source.movie.shape[0]
-    folder = parts.folder(_STAGE)
+    folder = parts.folder(stage)
     spans = missing_frames(frame_parts(folder, frames), frames)
     hashing = RunningHash(files)
     done = frames - sum(stop - start for start, stop in spans)
-    progress(_STAGE, done, frames)
+    progress(stage, done, frames)
     with _PartWriter(folder, source, files) as writer:
         for block in localise(
             source.movie,
@@ -119,10 +125,10 @@ def _complete(
             writer.add(block)
             hashing.advance(block.stop / frames)
             done += block.stop - block.start
-            progress(_STAGE, done, frames)
+            progress(stage, done, frames)
     hashes = hashing.finish()
     refuse_changed(files)
-    parts.finish(_STAGE, {"sha256": hashes})
+    parts.finish(stage, {"sha256": hashes})
     return hashes
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rotortrack import files
-from rotortrack.errors import ResourceError, TableError
+from rotortrack.errors import TableError
 from rotortrack.exchange import parquet
 from rotortrack.exchange.writer import Columns, TableInfo
 from rotortrack.pipeline.manifest import read_json
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 
 _DONE = "done.json"
-_FOLDER = re.compile(r"(check|localise|correct|rotors)-[0-9a-f]{16}|commit")
+_FOLDER = re.compile(r"(check|localise|correct|rotors|second)-[0-9a-f]{16}|commit")
 _FRAMES = re.compile(r"(\d{8,})-(\d{8,})\.parquet")
 
 
@@ -217,20 +217,3 @@ def read_frame_parts(parts: list[FramePart]) -> pd.DataFrame:
     if row != total:
         raise TableError(f"{parts[0].path.parent} holds other rows than it counts")
     return pd.DataFrame(joined, copy=False)
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder of `parts/`.
-
-    Raises
-    ------
-    ResourceError
-        A file is in the way, or the run folder cannot be written.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResourceError(
-            f"{path} cannot be made a folder ({error.strerror}): free space, move what is in its "
-            "way, or choose another run folder with -o"
-        ) from error

@@ -17,6 +17,7 @@ from rotortrack.movies.options import MovieOptions
 from rotortrack.rotors.options import CircleOptions, ClusterOptions
 from rotortrack.settings import Layer, Options, Settings
 from rotortrack.twocolour.channel_options import ChannelsOptions
+from rotortrack.twocolour.ends_options import EndsOptions
 from rotortrack.twocolour.options import RegisterOptions
 
 _ORIGIN = "preset "
@@ -35,12 +36,13 @@ SECTIONS: dict[str, type[Options]] = {
     "link": LinkOptions,
     "plan": PlanOptions,
     "channels": ChannelsOptions,
+    "ends": EndsOptions,
     "register": RegisterOptions,
     "contour": ContourOptions,
 }
 """Option class of each section, in the order of the workflow; those beside it come last."""
 
-_BESIDE = ("link", "plan", "channels", "register", "contour")
+_BESIDE = ("link", "plan", "channels", "ends", "register", "contour")
 WORKFLOW = tuple(name for name in SECTIONS if name not in _BESIDE)
 """Sections that a run depends on; its record names no others."""
 

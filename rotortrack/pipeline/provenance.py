@@ -34,6 +34,9 @@ RECORDED_FRAMES = "recorded_frames"
 
 _FILES_NAMED = 20
 
+_TAKEN_OVER = {"keys": dict, "camera_maps": dict, "registration": dict, "second_inputs": list}
+"""Facts that a later command on the same folder leaves as they are."""
+
 
 @functools.cache
 def versions() -> dict[str, str]:
@@ -152,7 +155,10 @@ class Record:
     @property
     def provenance(self) -> dict[str, Any]:
         """What each table repeats: all that decides its numbers, and nothing that time changes."""
-        keys = ("command", "steps", "versions", "camera_maps", "trace", "options", "counts")
+        keys = (
+            *("command", "steps", "versions", "camera_maps", "trace", "registration"),
+            *("second_inputs", "options", "counts"),
+        )
         chosen = {key: self.content[key] for key in keys if key in self.content}
         return {**chosen, "inputs": _in_short(self.content["inputs"])}
 
@@ -206,8 +212,8 @@ class Record:
         """Take over what an earlier command recorded; give its chosen options as layers."""
         for key in ("inputs", "notes", "warnings", "counts", "seconds"):
             self.content[key] = manifest[key]
-        for key in ("keys", "camera_maps"):
-            if isinstance(manifest.get(key), dict):
+        for key, kind in _TAKEN_OVER.items():
+            if isinstance(manifest.get(key), kind):
                 self.content[key] = manifest[key]
         earlier = [step for step in manifest["steps"] if step != self.content["command"]]
         self.content["steps"] = [*earlier, self.content["command"]]

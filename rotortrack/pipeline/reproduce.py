@@ -16,7 +16,7 @@ from rotortrack.pipeline.identity import identify
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.provenance import versions
 from rotortrack.pipeline.run import run_movie
-from rotortrack.pipeline.store import RunFolder
+from rotortrack.pipeline.store import REGISTRATION, RunFolder
 from rotortrack.rotors.curation import FILE_NAME, read_curation
 from rotortrack.settings import Layer, read_content
 
@@ -114,6 +114,9 @@ def reproduce(
     if read_curation(said) and not saying.exists():
         write_text(saying, read_content(said).decode())
     layers = _layers(manifest)
+    if "registration" in manifest:
+        kept = {"channels": {"registration": str((run / REGISTRATION).absolute())}}
+        layers.append(Layer("the run's own copy", kept))
     steps = manifest["steps"]
     recorded = manifest.get("trace")
     trace = (run / str(recorded.get("path", ""))).resolve() if isinstance(recorded, dict) else None
@@ -197,8 +200,13 @@ def _layers(manifest: dict[str, Any]) -> list[Layer]:
 
 def _read_files(content: dict[str, Any]) -> list[dict[str, Any]]:
     """List the entries of all files that a run was made from."""
-    maps = content.get("camera_maps")
-    return [*content["inputs"], *([maps] if isinstance(maps, dict) else [])]
+    beside = (content.get(key) for key in ("camera_maps", "registration"))
+    second = content.get("second_inputs")
+    return [
+        *content["inputs"],
+        *(second if isinstance(second, list) else []),
+        *(entry for entry in beside if isinstance(entry, dict)),
+    ]
 
 
 def _require_same_hashes(run: Path, earlier: list[Any], now: list[Any]) -> None:

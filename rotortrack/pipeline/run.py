@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rotortrack.cameras.line_noise import check_line_noise
-from rotortrack.errors import ResourceError
+from rotortrack.errors import InputError, ResourceError
 from rotortrack.motion.population import of_rotors
 from rotortrack.movies.movie import Movie
 from rotortrack.pipeline import stages
@@ -41,12 +41,18 @@ from rotortrack.pipeline.localise_run import (
     absent_frames,
     check_gain,
     extent,
-    opened,
     silent,
 )
 from rotortrack.pipeline.parts import Checkpoint, Parts
 from rotortrack.pipeline.presets import WORKFLOW, notes_on
 from rotortrack.pipeline.provenance import Record
+from rotortrack.pipeline.second_colour import (
+    SECOND_USES,
+    SecondColour,
+    ends_of,
+    opened_colours,
+    record_second,
+)
 from rotortrack.pipeline.store import RunFolder
 from rotortrack.rotors.curation import FILE_NAME, read_curation
 from rotortrack.settings import Layer, Settings
@@ -141,12 +147,12 @@ def run_movie(
     """
     record = Record("run")
     required = ("movie.pixel_size_nm", "movie.frame_interval_s")
-    with record.warnings(), opened(paths, layers, *required) as source:
+    with record.warnings(), opened_colours(paths, layers, *required) as (source, second):
         files = [identify(path) for path in source.movie.paths]
         given = source.settings["camera"].camera_maps
         maps = None if given is None else identify(Path(given))
         with RunFolder.claim(target, "run", files, overwrite=overwrite) as folder:
-            run = _Run(source, files, maps, folder, record, progress)
+            run = _Run(source, second, files, maps, folder, record, progress)
             return run.to_the_end(workers, draw)
 
 
@@ -156,6 +162,7 @@ class _Run:
     def __init__(
         self,
         source: OpenedMovie,
+        second: SecondColour | None,
         files: list[Identity],
         maps: Identity | None,
         folder: RunFolder,
@@ -163,6 +170,7 @@ class _Run:
         progress: Progress,
     ) -> None:
         self._source = source
+        self._second = second
         self._settings = source.settings
         self._files = files
         self._maps = maps
@@ -171,13 +179,16 @@ class _Run:
         self._progress = progress
         if maps is not None:
             record.content["camera_maps"] = describe(maps, folder.path, sha256_of(maps))
-        keys = stage_keys(files, source.settings)
+        if second is not None:
+            record_second(record, second, folder.path)
+        keys = stage_keys(files, source.settings, () if second is None else second.files)
         record.content["keys"] = keys
         self._parts = Parts(folder.path, keys)
 
     def to_the_end(self, workers: int | None, draw: Draw | None) -> Result:
         record, settings, folder = self._record, self._settings, self._folder
-        record.options(settings, WORKFLOW)
+        uses = WORKFLOW if self._second is None else (*WORKFLOW, *SECOND_USES)
+        record.options(settings, uses)
         record.inputs(self._files, folder.path)
         movie = self._source.movie
         record.count(frames=movie.shape[0], **absent_frames(movie))
@@ -198,6 +209,8 @@ class _Run:
             )
             record.inputs(self._files, folder.path, hashes)
             refuse_changed([] if self._maps is None else [self._maps])
+        if self._second is not None:
+            seen = self._second_localisations(self._second, workers)
         with self._stage("correct"):
             corrected = self._corrected(localisations)
             del localisations
@@ -216,11 +229,17 @@ class _Run:
             "decisions": decisions,
             **moved.tables,
         }
+        registration = None
+        if self._second is not None:
+            tables["second_localisations"] = seen
+            with self._stage("ends"):
+                tables.update(ends_of(tables, self._second.registration, settings, record))
+            registration = self._second.registration_text
         with self._stage("tables"):
             info = extent(self._source, record.provenance)
             image = _mean_image(self._source.movie)
             unfinished = None if draw is None else "figures"
-            folder.commit(tables, info, record, unfinished=unfinished)
+            folder.commit(tables, info, record, registration=registration, unfinished=unfinished)
             self._parts.tidy()
         bins = (drift.bin_frames, drift.bin_dx_nm, drift.bin_dy_nm)
         result = Result(folder, settings, record, tables, bins, image, self._source.movie)
@@ -229,6 +248,26 @@ class _Run:
                 draw(result)
         folder.note_finished(record)
         return result
+
+    def _second_localisations(self, second: SecondColour, workers: int | None) -> pd.DataFrame:
+        """Take over or make the localisations of the second colour."""
+        with self._stage("second", second.source.movie.shape[0]):
+            seen, _ = localise_in_parts(
+                second.source,
+                second.files,
+                self._parts,
+                self._record,
+                workers=workers,
+                progress=self._progress,
+                stage="second",
+            )
+            refuse_changed([second.registration_file])
+        self._record.count(second_localisations=len(seen))
+        if seen.empty:
+            raise InputError(
+                "the second colour shows no spot: look at it, or leave --channels and the split out"
+            )
+        return seen
 
     def _check(self) -> None:
         """Hold what is known of the camera against what the movie itself shows."""

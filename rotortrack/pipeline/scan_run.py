@@ -33,7 +33,6 @@ from rotortrack.exchange import parquet
 from rotortrack.parallel import default_workers, map_ordered
 from rotortrack.pipeline.localise_run import Progress, silent
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_json, write_out
-from rotortrack.pipeline.parts import make_folder
 from rotortrack.pipeline.provenance import Record
 from rotortrack.pipeline.scan_parts import (
     DIMENSIONS,
@@ -141,7 +140,7 @@ def run_scan(
     record = Record("simulate scan")
     record.options(scene.settings)
     key = _key(scene, field, record)
-    make_folder(folder)
+    files.make_folder(folder)
     with files.locked(folder, "simulate scan"):
         files.sweep(folder)
         earlier = _earlier(folder, key, overwrite=overwrite)

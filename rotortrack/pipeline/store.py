@@ -27,10 +27,11 @@ from rotortrack.pipeline.folder_tables import SCHEMAS, files_of, write
 from rotortrack.pipeline.guard import refuse_other_results
 from rotortrack.pipeline.identity import Identity
 from rotortrack.pipeline.manifest import COMPLETE, UNFINISHED, read_manifest, write_out
-from rotortrack.pipeline.parts import make_folder, remove_work, sweep_work
+from rotortrack.pipeline.parts import remove_work, sweep_work
 from rotortrack.pipeline.provenance import Record
 from rotortrack.tables import DRIFT, empty
 from rotortrack.toml import to_toml
+from rotortrack.twocolour.registration import Registration, read_registration
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,11 +39,12 @@ if TYPE_CHECKING:
 
 FIGURE_NAME = re.compile(
     r"(field|positions|examples|frames|speeds|population|energetics|scatter|cumulative_angles|msds"
-    r"|drift|voltage|voltage_angles|voltage_examples|rotor-\d{3,})\.(png|svg|pdf)"
+    r"|drift|end_to_end|both_ends|end_to_end_traces|end_to_end_axes|voltage|voltage_angles|voltage_examples|rotor-\d{3,})\.(png|svg|pdf)"
 )
 """Names of the figures that a run draws; other files beside them are the user's."""
 
 MANIFEST, CONFIG, LOG = "run.json", "config.resolved.toml", "log.jsonl"
+REGISTRATION = "registration.json"
 
 # Neither follow a link out of the folder nor wait for the other end of a pipe.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -88,7 +90,7 @@ class RunFolder:
             It holds results of other files, or an input is one of its results.
         """
         made = not path.exists()
-        make_folder(path)
+        files.make_folder(path)
         folder = cls(path)
         try:
             with locks.locked(path, task):
@@ -100,6 +102,7 @@ class RunFolder:
                     folder._carry_out_commit()
                     if inputs:
                         results = [result for name in SCHEMAS for result in folder._files(name)]
+                        results.append(path / REGISTRATION)
                         refuse_other_results(
                             folder.manifest_path, results, inputs, overwrite=overwrite
                         )
@@ -191,6 +194,22 @@ class RunFolder:
             )
         return parquet.read_table(path, schema)
 
+    def registration(self) -> Registration:
+        """Read the registration by which the run mapped its second colour.
+
+        Raises
+        ------
+        InputError
+            The run has none.
+        """
+        path = self.path / REGISTRATION
+        if "registration" not in self.read_manifest() or not path.is_file():
+            raise InputError(
+                f"{self.path} shows one colour: make it with `rotortrack run --channels "
+                "CHANNELS.json` to have both ends"
+            )
+        return read_registration(path)
+
     def note_unfinished(self, record: Record, stage: str, reason: str) -> None:
         """Say in the manifest what is being done, or why it ended early.
 
@@ -240,6 +259,7 @@ class RunFolder:
         record: Record,
         *,
         keep: Collection[str] = (),
+        registration: str | None = None,
         unfinished: str | None = None,
     ) -> None:
         """Put tables and the manifest in place of what an earlier command left, all or none.
@@ -254,6 +274,8 @@ class RunFolder:
             For the manifest and the configuration.
         keep
             Names of tables that the earlier command wrote and that still hold.
+        registration
+            Text of the registration by which the second colour was mapped, where it is new.
         unfinished
             A stage that is still to come, such as the figures.
         """
@@ -264,11 +286,13 @@ class RunFolder:
             command = str(record.content["command"])
             content["unfinished"] = {"command": command, "stage": unfinished, "reason": "begun"}
         shutil.rmtree(staged, ignore_errors=True)
-        make_folder(staged)
+        files.make_folder(staged)
         try:
             for name, table in tables.items():
                 for path in files_of(staged, SCHEMAS[name]):
                     write(path, SCHEMAS[name], table, info)
+            if registration is not None:
+                files.write_text(staged / REGISTRATION, registration)
             files.write_text(staged / CONFIG, to_toml(record.option_values))
             files.write_text(staged / MANIFEST, write_out(content))
         except BaseException:
@@ -294,18 +318,21 @@ class RunFolder:
 
     def _move_into_place(self, staged: Path, manifest: dict[str, Any]) -> None:
         tables, command = manifest["tables"], str(manifest.get("command", "run"))
+        earlier = self._complete_manifest() or {}
         begun = {"command": command, "stage": "tables", "reason": "begun"}
         unfinished = {**manifest, "state": UNFINISHED, "tables": [], "unfinished": begun}
         files.write_text(self.manifest_path, write_out(unfinished))
         for name in SCHEMAS.keys() - set(tables):
             for path in self._files(name):
                 path.unlink(missing_ok=True)
+        if "registration" in earlier and "registration" not in manifest:
+            (self.path / REGISTRATION).unlink(missing_ok=True)
         for figure in self.figures_path.glob("*.*"):
             if FIGURE_NAME.fullmatch(figure.name):
                 figure.unlink()
         # Only names that a commit writes are moved: the folder may come from elsewhere.
         names = [path.name for name in tables for path in self._files(name)]
-        for file in (*names, CONFIG, MANIFEST):
+        for file in (*names, REGISTRATION, CONFIG, MANIFEST):
             with contextlib.suppress(FileNotFoundError):
                 (staged / file).replace(self.path / file)
         files.flush_folder(self.path)

@@ -18,10 +18,12 @@ from rotortrack.motion.msd_table import ALL_ROTORS
 from rotortrack.pipeline.store import FIGURE_NAME
 from rotortrack.report import words
 from rotortrack.report.figures import (
+    both_ends,
     camera_maps,
     canvas,
     contour,
     cumulative_angle,
+    end_to_end,
     energetics,
     examples,
     field,
@@ -71,6 +73,9 @@ def draw_run(
     msds: pd.DataFrame | None = None,
     voltages: pd.DataFrame | None = None,
     voltage_speeds: pd.DataFrame | None = None,
+    ends: pd.DataFrame | None = None,
+    end_rotors: pd.DataFrame | None = None,
+    pore_axis_deg: float | None = None,
     movie: Movie | None = None,
     max_sheets: int = 100,
     file_format: FileFormat = "png",
@@ -102,6 +107,8 @@ def draw_run(
         Further tables of the run.
     voltages, voltage_speeds
         What a recorded trace told of the frames and rotors.
+    ends, end_rotors, pore_axis_deg
+        End-to-end distances of frames and rotors, and the long axis of elongated pores.
     movie
         The movie, for some frames of one rotor.
     max_sheets
@@ -181,6 +188,12 @@ def draw_run(
             figures["voltage_examples"] = lambda: voltage_traces.examples(
                 rotors, of_track, volts, exposure_s=exposed_s, switches=switches, **interval
             )
+    if ends is not None and end_rotors is not None:
+        of_ends, frames_of_ends, whole_ends = _ByRotor(ends), ends, end_rotors
+        figures["end_to_end"] = lambda: end_to_end.histograms(frames_of_ends, whole_ends)
+        figures["both_ends"] = lambda: both_ends.figure(of_ends, of_spots, rotors, whole_ends)
+        figures["end_to_end_traces"] = lambda: end_to_end.traces(of_ends, whole_ends, **interval)
+        figures["end_to_end_axes"] = lambda: both_ends.axes_figure(whole_ends, pore_axis_deg)
     if movie is not None and pixel_size_nm is not None:
         film, size_nm = movie, pixel_size_nm
         figures["frames"] = lambda: frames.of_movie(

@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import Any, Final
 
+from rotortrack.files import make_folder
 from rotortrack.settings import Layer
 from rotortrack.simulate.film.filming import film_scene
 from rotortrack.simulate.scene import Scene, make_scene
@@ -132,7 +133,7 @@ def make_sample(folder: Path, name: str = "rotors") -> None:
     ResourceError
         The folder cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     truth = folder / "truth"
     film_scene(sample_scene(name), folder / "movie.tif", truth_in=truth, compress=True)
     for file in _MOVED_UP:

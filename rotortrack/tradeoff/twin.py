@@ -145,7 +145,7 @@ def error_budget(
         truth; and the numbers of `summary.AIMS` for all.
     """
     twin = twin_of(run)
-    folder.mkdir(parents=True, exist_ok=True)
+    files.make_folder(folder)
     scores = []
     for number in range(films):
         if progress is not None:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from rotortrack.tables import Column, Schema
+from rotortrack.tables import LOCALISATIONS, Column, Schema
+
+SECOND_LOCALISATIONS = Schema(
+    "second_localisations",
+    tuple(column for column in LOCALISATIONS.columns if column.name != "rotor"),
+)
+"""Spots of the second colour as they were seen: neither mapped onto the first nor corrected."""
 
 END_TO_END = Schema(
     "end_to_end",

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from rotortrack import files
 from rotortrack.errors import ResourceError
-from rotortrack.files import TEMPORARY_MARK, atomic_path, sweep, write_text
+from rotortrack.files import TEMPORARY_MARK, atomic_path, make_folder, sweep, write_text
 
 DAY_S = 86_400.0
 
@@ -282,3 +282,9 @@ def test_a_name_that_is_not_of_this_form_is_never_swept(name: str) -> None:
     assert files._LEFTOVER.fullmatch(f"{name}{TEMPORARY_MARK}{name}") is None
     own = files._temporary(Path("folder") / f"x{name}").name
     assert files._LEFTOVER.fullmatch(own) is not None
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ResourceError, match=r"cannot be made a folder .* with -o"):
+        make_folder(tmp_path / "file" / "below")

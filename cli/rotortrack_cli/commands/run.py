@@ -24,7 +24,17 @@ from rotortrack_cli.stages import Stages
     metavar="RUN",
     help="Repeat a finished run with its recorded options and compare the tables.",
 )
-@stage_options("movie", "camera")
+@click.option(
+    "--channels",
+    type=FILE,
+    metavar="CHANNELS.json",
+    help="How the second colour lies on the first, made by `rotortrack register`.",
+)
+@stage_options(
+    *("movie", "camera"),
+    *("channels.split", "channels.swapped", "channels.first_region", "channels.second_region"),
+    *("channels.second_movie", "channels.second_channel", "channels.line_time_s"),
+)
 @click.pass_obj
 def command(
     console: Console,
@@ -33,14 +43,18 @@ def command(
     overwrite: bool,
     no_figures: bool,
     reproduce: Path | None,
+    channels: Path | None,
     given: Given,
 ) -> None:
     """Analyse MOVIE from frames to rotor speeds; several files are one recording, in their order.
 
     A run that was stopped goes on where it was when the same command is given again; a changed
     option reruns its stage and the later ones. Options of every stage go into a configuration file
-    (-c), or behind --set.
+    (-c), or behind --set. With --channels both ends of every rotor are localised, and end-to-end
+    distances measured.
     """
+    if channels is not None:
+        given = given.adding("channels", registration=str(channels))
     if reproduce is not None:
         if overwrite or no_figures:
             raise click.UsageError(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rotortrack.errors import AliasingWarning
 from rotortrack.exchange.row_groups import open_row_groups
-from rotortrack.files import write_text
+from rotortrack.files import make_folder, write_text
 from rotortrack.movies.write import is_ome, write_movie
 from rotortrack.parallel import default_workers
 from rotortrack.simulate.film import truth
@@ -111,7 +111,7 @@ def film_scene(
     film = Film(scene.film, shapes_for(scene) if shapes is None else shapes)
     warn_of_aliases(film)
     folder = truth_in or truth_folder(movie)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
     metadata = schema_metadata(truth.SPOTS, source)
     with open_row_groups(folder / "spots.parquet", truth.SPOTS, metadata) as writer:

@@ -8,7 +8,7 @@ import pytest
 
 from rotortrack.pipeline import keys
 from rotortrack.pipeline.identity import identify
-from rotortrack.pipeline.keys import STAGES, stage_keys
+from rotortrack.pipeline.keys import SECOND, STAGES, stage_keys
 from rotortrack.pipeline.presets import SECTIONS
 from rotortrack.settings import Layer, option_fields, resolve
 
@@ -49,14 +49,17 @@ def test_an_option_counts_from_its_stage_on(movie, sections, first):
 
 
 def test_every_option_that_decides_a_kept_result_is_in_a_key():
-    known = {word for stage in STAGES for word in stage.options}
+    known = {word for stage in (*STAGES, SECOND) for word in stage.options}
     free = {
         # Known to motion and the report alone, which are made anew each time.
         *("movie.frame_interval_s", "movie.exposure_s", "movie.mirrored", "motion"),
+        *("ends", "channels.registration", "channels.line_time_s"),
         # Of commands beside the workflow.
-        *("link", "plan", "contour", "channels", "register"),
+        *("link", "plan", "contour", "register"),
         # A guard: it refuses a movie or changes nothing.
         "movie.max_frame_megapixels",
+        # It counts by the content of its file.
+        "channels.second_movie",
     }
     for section, options_class in SECTIONS.items():
         for field in option_fields(options_class):

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotortrack.errors import TableError
+from rotortrack.files import make_folder
 from rotortrack.pipeline.parts import (
     Checkpoint,
     FramePart,
     Parts,
     frame_parts,
-    make_folder,
     missing_frames,
     read_frame_parts,
     remove_work,
