@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -97,7 +98,15 @@ def advice(points: list[Point]) -> str:
 
 
 def measure(kind: str, sizes: Sizes, progress: Progress) -> list[Point]:
-    """Analyse films of one scene in every way."""
+    """Analyse films of one scene in every way; what an analysis warns of is the film's matter."""
+    from rotortrack.errors import RotortrackWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RotortrackWarning)
+        return _measured(kind, sizes, progress)
+
+
+def _measured(kind: str, sizes: Sizes, progress: Progress) -> list[Point]:
     from rotortrack.pipeline.accuracy import LEVELS, accuracy_layer
     from rotortrack.pipeline.presets import preset_layer
     from rotortrack.simulate.film.filming import film_scene
