@@ -50,6 +50,20 @@ class Dial:
 
 DIALS: Final = (
     Dial(
+        "localise.threshold",
+        "5.5*noise(Wave.F)",
+        "5.5*noise(Wave.F)",
+        "4.5*noise(Wave.F)",
+        "a lower one finds more of the spots of dim rotors, and more that are none",
+    ),
+    Dial(
+        "localise.fit_radius_px",
+        3,
+        3,
+        4,
+        "the tails of a spot tell a little of where it is",
+    ),
+    Dial(
         "localise.max_emitters",
         1,
         3,
@@ -70,15 +84,9 @@ DIALS: Final = (
         "auto",
         "auto adds the likelihood on the circle where steps alone would be biased",
     ),
-    Dial(
-        "motion.msd_covariance",
-        False,
-        False,
-        True,
-        "the fit of the MSD with the covariance of its lags, for honest errors of it",
-    ),
 )
-"""In the order of the workflow."""
+"""In the order of the workflow. The fit's method is none of them: likelihood fits are as fast as
+closed forms here, and nearer to the bound."""
 
 
 def accuracy_layer(level: str) -> Layer:
@@ -122,24 +130,29 @@ def cost_notes(settings: Settings) -> tuple[str, ...]:
 
 @functools.cache
 def stored_costs() -> dict[str, Any]:
-    """Read what the levels cost: when and where it was measured, and numbers by level."""
+    """Read what the levels cost: when it was measured, then by scene seconds and error of each."""
     return tomllib.loads(COSTS.read_text(encoding="utf-8"))
 
 
 def _sentence(level: str, costs: dict[str, Any]) -> str:
     """Compare a level with the balanced one, or that with the two others."""
-    where = f"measured by `rotortrack tradeoff run`, {costs['date']}"
-    if level == "balanced":
-        parts = [f"{other} {_beside(other, costs)}" for other in LEVELS if other != level]
-        return f"--accuracy balanced, the defaults; {'; '.join(parts)} ({where})"
-    return f"--accuracy {level} {_beside(level, costs)} ({where})"
-
-
-def _beside(level: str, costs: dict[str, Any]) -> str:
-    own, usual = costs["levels"][level], costs["levels"]["balanced"]
-    time = own["seconds"] / usual["seconds"]
-    errors = ", ".join(
-        f"{own['errors'][name] / usual['errors'][name]:.2f} times the error of {name}"
-        for name in usual["errors"]
+    others = [level] if level != "balanced" else [one for one in LEVELS if one != level]
+    told = [f"{other} takes {_beside(other, costs['scenes'])}" for other in others]
+    defaults = ", the defaults" if level == "balanced" else ""
+    return (
+        f"--accuracy {level}{defaults}: beside balanced {'; '.join(told)} (measured by "
+        f"`rotortrack tradeoff run`, {costs['date']})"
     )
-    return f"takes {time:.2f} times the balanced time, with {errors}"
+
+
+def _beside(level: str, scenes: dict[str, Any]) -> str:
+    parts = []
+    for kind, scene in scenes.items():
+        time, error = (
+            own / usual for own, usual in zip(scene[level], scene["balanced"], strict=True)
+        )
+        parts.append(
+            f"{time:.2f} times the time for {error:.2f} times the error of {scene['measure']} "
+            f"({kind})"
+        )
+    return ", ".join(parts)

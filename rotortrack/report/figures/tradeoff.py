@@ -178,7 +178,7 @@ def _number(axes: Axes, x: canvas.Floats, y: canvas.Floats, numbers: list[str]) 
     page = (box.width * 72.0 / style.DPI, box.height * 72.0 / style.DPI)
     across = pixels[:, 0] - box.x0 * 72.0 / style.DPI
     down = box.y1 * 72.0 / style.DPI - pixels[:, 1]
-    anchors = place_labels(across, down, numbers, mark=10.0, page=page)
+    anchors = place_labels(across, down, numbers, mark=12.0, page=page)
     for at, number, anchor in zip(zip(x, y, strict=True), numbers, anchors, strict=True):
         if anchor is not None:
             axes.annotate(

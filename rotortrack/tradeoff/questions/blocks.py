@@ -72,7 +72,7 @@ def plans(frames: int) -> list[Plan]:
     from rotortrack.localise.engine import BLOCK_PIXELS
     from rotortrack.parallel import default_workers
 
-    chosen = min(max(BLOCK_PIXELS // math.prod(SHAPE_PX), 1), 64)
+    chosen = min(max(BLOCK_PIXELS // math.prod(SHAPE_PX), 1), 64, frames)
     sizes = sorted({1, 4, 16, chosen, 256, frames})
     most = default_workers()
     return [

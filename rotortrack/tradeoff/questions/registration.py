@@ -68,7 +68,7 @@ class Sizes:
 
 SIZES: Final = {
     "quick": Sizes((2, 1, 0), (DEFAULT, "affine")),
-    "usual": Sizes((6, 2, 2)),
+    "usual": Sizes((4, 2, 2), (DEFAULT, "affine", "polynomial 3", "spline", "local mean")),
     "thorough": Sizes((40, 12, 12)),
 }
 
