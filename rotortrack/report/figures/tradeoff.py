@@ -16,7 +16,7 @@ from rotortrack.report.figures import canvas
 from rotortrack.report.figures.labels import LABEL_SIZE, place_labels
 
 _WIDE, _HIGH = 2.35, 1.9
-_LEFT, _ACROSS = 0.75, 0.75
+_LEFT, _ACROSS = 0.9, 0.75
 _UP, _FOOT, _TOP = 0.85, 0.55, 0.75
 _LINE = 0.17
 _MOST_A_ROW = 3

@@ -28,17 +28,17 @@ Floats = NDArray[np.float64]
 
 TITLE: Final = "drift: method, time bins and magnification"
 
-DEFAULT: Final = "10 bins"
+DEFAULT: Final = "bins 10"
 SETTINGS: Final[dict[str, dict[str, Any]]] = {
     "none": {"method": "none"},
-    "5 bins": {"bins": 5},
+    "bins 5": {"bins": 5},
     DEFAULT: {},
-    "20 bins": {"bins": 20},
-    "40 bins": {"bins": 40},
+    "bins 20": {"bins": 20},
+    "bins 40": {"bins": 40},
     "magnification 2": {"magnification": 2.0},
     "magnification 10": {"magnification": 10.0},
-    "20 bins, smoothing 0.1": {"bins": 20, "smoothing": 0.1},
-    "40 bins, smoothing 0.1": {"bins": 40, "smoothing": 0.1},
+    "bins 20, smoothing 0.1": {"bins": 20, "smoothing": 0.1},
+    "bins 40, smoothing 0.1": {"bins": 40, "smoothing": 0.1},
 }
 
 
@@ -102,7 +102,7 @@ def answer(effort: Effort, progress: Progress, groups: Mapping[str, Field] = GRO
         question="drift",
         effort=effort,
         points=points,
-        error_unit="rms error of the drift per axis, nm",
+        error_unit="rms drift error per axis, nm",
         seconds_unit="s per 100 000 localisations",
         bounds=dict.fromkeys(groups),
         advice=advice(points),
