@@ -18,8 +18,8 @@ from rotortrack.tradeoff.questions import filter as spot_filter
 
 
 def opened(counts, camera):
-    layer = Layer("test", {"movie": {"pixel_size_nm": 100.0}})
-    return OpenedMovie(ArrayMovie(counts), resolve(SECTIONS, [layer]), camera)
+    values = {"movie": {"pixel_size_nm": 100.0}, "localise": {"max_emitters": 1}}
+    return OpenedMovie(ArrayMovie(counts), resolve(SECTIONS, [Layer("test", values)]), camera)
 
 
 def test_spots_and_background_are_measured_as_they_were_filmed():
