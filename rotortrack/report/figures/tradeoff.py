@@ -150,8 +150,8 @@ def _panel(
         axes.axhline(bound, color=style.INK, linewidth=0.9, linestyle="--")
     axes.set_xlim(*_range(seconds))
     axes.set_ylim(*_range(np.concatenate([low, high, [bound] if bound else []])))
-    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        canvas.log_ticks(axis, *limits, wide=1.6)
+    canvas.log_ticks(axes.xaxis, *axes.get_xlim(), wide=1.6)
+    canvas.log_ticks(axes.yaxis, *axes.get_ylim())
     _number(axes, seconds, errors, [str(settings.index(p["setting"]) + 1) for p in points])
 
 
