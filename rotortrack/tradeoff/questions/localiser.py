@@ -272,5 +272,6 @@ def _kept(results: Floats, flags: NDArray[np.int32], radius_px: int) -> NDArray[
 
     dropped = int(FitFlag.LEFT_WINDOW | FitFlag.SINGULAR | FitFlag.NOT_FINITE)
     errors = [results[RESULT_COLUMNS.index(name)] for name in ("x_sd_px", "y_sd_px")]
-    kept: NDArray[np.bool_] = (flags & dropped == 0) & np.isfinite(results[:2]).all(axis=0)
-    return kept & (np.maximum(*errors) <= radius_px)
+    placed = (flags & dropped == 0) & np.isfinite(results[:2]).all(axis=0)
+    kept: NDArray[np.bool_] = placed & (np.maximum(*errors) <= radius_px)
+    return kept
