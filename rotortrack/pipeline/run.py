@@ -17,6 +17,7 @@ from rotortrack.errors import InputError, ResourceError
 from rotortrack.motion.population import of_rotors
 from rotortrack.movies.movie import Movie
 from rotortrack.pipeline import stages
+from rotortrack.pipeline.accuracy import cost_notes
 from rotortrack.pipeline.checkpoints import (
     CORRECTED,
     FOUND,
@@ -192,7 +193,8 @@ class _Run:
         record.inputs(self._files, folder.path)
         movie = self._source.movie
         record.count(frames=movie.shape[0], **absent_frames(movie))
-        for sentence in (*notes_on(settings), *self._source.movie.notes):
+        told = (*notes_on(settings), *cost_notes(settings), *self._source.movie.notes)
+        for sentence in told:
             record.note(sentence)
         with self._stage("check"):
             # A mistake in it is told before the long work.

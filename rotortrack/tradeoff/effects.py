@@ -31,6 +31,7 @@ EVERYTHING: Final[dict[str, Any]] = {
     "background": {"texture": 0.1, "gradient": [0.2, 0.1]},
     "laser": {},
     "flicker": {},
+    "psf": {"astigmatism_nm": 300.0},
     "drift": {"total_nm": [50.0, -30.0], "walk_nm": 0.3},
     "vibration": {},
     "free_rods": {},
@@ -41,6 +42,7 @@ EVERYTHING: Final[dict[str, Any]] = {
     "column_noise": {},
     "rolling_shutter": {},
     "dropped": {"fraction": 0.01},
+    "timestamps": {},
 }
 """A scene with every effect, for those who bring none."""
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from rotortrack.pipeline.accuracy import LEVELS, accuracy_layer
+from rotortrack.settings import Layer
 from rotortrack_cli.console import Console
 from rotortrack_cli.flags import FILE, Given, gather, stage_options
 from rotortrack_cli.stage_option import StageCommand
@@ -23,6 +25,11 @@ from rotortrack_cli.stages import Stages
     type=FILE,
     metavar="RUN",
     help="Repeat a finished run with its recorded options and compare the tables.",
+)
+@click.option(
+    "--accuracy",
+    type=click.Choice(LEVELS),
+    help="Set the dials of all stages at once, and be told what that costs.",
 )
 @click.option(
     "--channels",
@@ -43,6 +50,7 @@ def command(
     overwrite: bool,
     no_figures: bool,
     reproduce: Path | None,
+    accuracy: str | None,
     channels: Path | None,
     given: Given,
 ) -> None:
@@ -56,10 +64,10 @@ def command(
     if channels is not None:
         given = given.adding("channels", registration=str(channels))
     if reproduce is not None:
-        if overwrite or no_figures:
+        if overwrite or no_figures or accuracy:
             raise click.UsageError(
-                "--reproduce draws no figures and replaces nothing: leave --overwrite and "
-                "--no-figures out",
+                "--reproduce draws no figures, replaces nothing and takes all options from the "
+                "run: leave --overwrite, --no-figures and --accuracy out",
                 click.get_current_context(),
             )
         from rotortrack_cli.reproduction import repeat
@@ -72,7 +80,7 @@ def command(
             f"{' and '.join(missing)} must be given", click.get_current_context()
         )
     start = time.perf_counter()
-    layers = gather(given)
+    layers = [*_dials(accuracy, given), *gather(given)]
     from rotortrack.pipeline.run import run_movie
     from rotortrack_cli.figures import draw
     from rotortrack_cli.summary import conclude
@@ -88,3 +96,16 @@ def command(
             draw=None if no_figures else lambda result: draw(result, stages),
         )
     conclude(console, result, seconds=time.perf_counter() - start, strict=given.strict)
+
+
+def _dials(accuracy: str | None, given: Given) -> list[Layer]:
+    """Give the layer of `--accuracy`, which everything else that is given wins over."""
+    if accuracy is None:
+        return []
+    if given.preset is not None:
+        raise click.UsageError(
+            f"--accuracy {accuracy} and --preset {given.preset} both set the dials of all stages: "
+            "leave one of them out",
+            click.get_current_context(),
+        )
+    return [accuracy_layer(accuracy)]

@@ -2,77 +2,153 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from rotortrack.tradeoff.questions import ON_MOVIES, QUESTIONS
 from rotortrack_cli.console import Console
-from rotortrack_cli.flags import FILE, output_flags
+from rotortrack_cli.flags import FILE, Given, gather, stage_options
 from rotortrack_cli.stage_option import StageCommand
 from rotortrack_cli.stages import Stages
 
-_QUICK, _USUAL = (96, 3), (256, 7)
+if TYPE_CHECKING:
+    from rotortrack.settings import Layer
+    from rotortrack.tradeoff.point import Answer, Point
+
+_EFFECTS = "effects"
+_ALL = (*QUESTIONS, _EFFECTS)
 
 
-@click.group("tradeoff")
-def command() -> None:
-    """Show what accuracy, and every effect of a simulation, costs in time on this machine."""
-
-
-@command.command("effects", cls=StageCommand)
-@click.argument("scene", metavar="[SCENE.toml]", type=FILE, required=False)
+@click.command("tradeoff", cls=StageCommand, epilog=f"Questions: {', '.join(_ALL)}.")
+@click.argument("questions", metavar="[QUESTION...]", nargs=-1)
+@click.option("--quick", is_flag=True, help="Some 15 s a question instead of two minutes.")
+@click.option("--thorough", is_flag=True, help="As long as it takes for narrow intervals.")
 @click.option(
     "--output",
     "-o",
     type=click.Path(file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Where effects.json and effects.png are written.",
+    help="Where QUESTION.json, .csv and .png are written.",
 )
-@click.option("--quick", is_flag=True, help="Shorter films and fewer of them.")
-@output_flags
+@click.option(
+    "--on",
+    "movie",
+    type=FILE,
+    metavar="MOVIE",
+    help="Ask about spots and drift as in this movie; its flags are those of `localise`.",
+)
+@stage_options("movie", "camera")
 @click.pass_obj
-def effects(console: Console, scene: Path | None, output: Path | None, quick: bool) -> None:
-    """Tell what each effect of a filmed scene costs in time and memory, by leaving it out.
+def command(
+    console: Console,
+    questions: tuple[str, ...],
+    quick: bool,
+    thorough: bool,
+    output: Path | None,
+    movie: Path | None,
+    given: Given,
+) -> None:
+    """Show what accuracy costs in time on this machine, one table a QUESTION; all without any.
 
-    Without SCENE.toml a scene with every effect is taken.
+    Defaults are marked, and so are the settings that no other beats in both error and time. The
+    question `effects` takes a SCENE.toml behind it, whose effects are left out one by one. With
+    `--on MOVIE` the questions `localiser` and `drift` are asked about what is measured there.
     """
-    from rotortrack.simulate.film.filming import shapes_for
-    from rotortrack.simulate.scene import read_scene
-    from rotortrack.tradeoff.effects import advice, effect_costs, everything
-
-    given = everything() if scene is None else read_scene(scene)
-    given.require("film")
-    assert given.film is not None
-    frames, repeats = _QUICK if quick else _USUAL
-    with Stages(console, "films") as stages:
-        costs = effect_costs(
-            given.film, shapes_for(given), frames=frames, repeats=repeats, progress=stages
+    scene, names = _scene_of(questions)
+    unknown = [name for name in names if name not in _ALL]
+    if unknown:
+        raise click.UsageError(
+            f"{', '.join(unknown)} is not a question: known are {', '.join(_ALL)}",
+            click.get_current_context(),
         )
-    console.table(
-        ("effect", "ms per frame", "+-", "share", "peak MB"),
-        [
-            [
-                cost.effect,
-                f"{cost.ms_per_frame:.3f}",
-                f"{cost.spread_ms:.3f}",
-                f"{cost.share:.0%}",
-                f"{cost.peak_mb:.1f}",
-            ]
-            for cost in costs
-        ],
-    )
-    console.text(advice(costs))
-    told: dict[str, Any] = {"effects": [dataclasses.asdict(cost) for cost in costs]}
-    told["frames"] = min(frames, given.film.film.n_frames)
-    if output is not None:
-        from rotortrack.files import write_text
-        from rotortrack.report.figures import canvas
-        from rotortrack.report.figures import effects as picture
+    if quick and thorough:
+        raise click.UsageError(
+            "--quick and --thorough exclude each other: give one", click.get_current_context()
+        )
+    layers = gather(given)
+    from rotortrack.tradeoff.ask import ask, title, write_answer
+    from rotortrack.tradeoff.point import Effort
+    from rotortrack_cli.effects import tell_effects
 
-        output.mkdir(parents=True, exist_ok=True)
-        canvas.save_as(picture.figure(told["effects"]), output / "effects.png")
-        write_text(output / "effects.json", json.dumps(told, indent=1) + "\n")
-    console.json(told)
+    word: Literal["quick", "usual", "thorough"] = "quick" if quick else "usual"
+    effort = Effort("thorough" if thorough else word)
+    chosen = names or (_ALL if movie is None else ON_MOVIES)
+    told: dict[str, Any] = {}
+    groups = None if movie is None else _groups_of(console, movie, layers, given.workers, chosen)
+    for name in chosen:
+        if len(chosen) > 1:
+            console.text(f"\n{name}")
+        if name == _EFFECTS:
+            told[name] = tell_effects(console, scene, output, quick=quick)
+            continue
+        console.text(f"{title(name)}\n")
+        with Stages(console, "") as stages:
+            answer = ask(name, effort, stages, None if groups is None else groups[name])
+        _show(console, answer)
+        if output is not None:
+            write_answer(answer, output)
+        told[name] = answer.plain()
+    console.json(told[chosen[0]] if len(chosen) == 1 else {"questions": told})
+
+
+def _groups_of(
+    console: Console,
+    movie: Path,
+    layers: list[Layer],
+    workers: int | None,
+    names: tuple[str, ...],
+) -> Mapping[str, Mapping[str, Any]]:
+    """Measure what spots and drift of a movie are like, and tell it."""
+    others = [name for name in names if name not in ON_MOVIES]
+    if others:
+        raise click.UsageError(
+            f"--on MOVIE goes with {' and '.join(ON_MOVIES)}, not with {', '.join(others)}",
+            click.get_current_context(),
+        )
+    from rotortrack.pipeline.localise_run import opened
+    from rotortrack.tradeoff.own_movie import groups, measure
+
+    with opened(movie, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
+        measured = measure(source, workers=workers, progress=stages)
+    console.text(f"{measured.sentence}\n")
+    return groups(measured)
+
+
+def _scene_of(words: tuple[str, ...]) -> tuple[Path | None, tuple[str, ...]]:
+    """Tell the scene behind `effects` from the names of questions."""
+    if len(words) == 2 and words[0] == _EFFECTS and words[1] not in _ALL:
+        return Path(words[1]), words[:1]
+    return None, words
+
+
+def _show(console: Console, answer: Answer) -> None:
+    from rotortrack.tradeoff.point import pareto
+
+    front = pareto(answer.points)
+    for group in answer.groups:
+        own = [point for point in answer.points if point.group == group]
+        bound = answer.bounds.get(group)
+        console.text(group + ("" if bound is None else f" (bound {bound:.3g})"))
+        console.table(
+            ("setting", "error", "95 % interval", "seconds", ""),
+            [_row(point, is_best=point in front) for point in own],
+        )
+        console.text("")
+    console.text(f"error: {answer.error_unit}; seconds: {answer.seconds_unit}")
+    console.text(answer.advice)
+
+
+def _row(point: Point, *, is_best: bool) -> list[str]:
+    marks = ["default"] * point.is_default + ["Pareto"] * is_best
+    if point.failed:
+        marks.append(point.failed)
+    return [
+        point.setting,
+        f"{point.error:.3g}",
+        f"{point.error_low:.3g} to {point.error_high:.3g}",
+        f"{point.seconds:.3g}",
+        ", ".join(marks),
+    ]
