@@ -32,6 +32,8 @@ _LONGEST_GAP = 32
 _LEAST_STEP_IN_CELLS = 0.8
 _GREATEST_STEP_VARIANCE = 4.0
 _GRIDS = 3
+_LEAST_VARIANCE = 1e-30
+"""In rad^2: far below a cell, where all weight falls on the middle one, and still no zero."""
 
 
 def angles_needed(pace: Pace, seen: Readings, timing: Timing) -> int:
@@ -145,14 +147,15 @@ class Grid:
             weights = (1.0 + 2.0 * waves.sum(axis=0)) / self.size
         else:
             laps = 2.0 * np.pi * np.arange(-3, 4)[:, np.newaxis]
-            weights = np.exp(-0.5 * (angles + laps) ** 2 / step_variance).sum(axis=0)
+            spread = max(step_variance, _LEAST_VARIANCE)
+            weights = np.exp(-0.5 * (angles + laps) ** 2 / spread).sum(axis=0)
         weights[[0, -1]] *= 0.5
         total: Floats = weights / weights.sum()
         return total
 
 
 def _normal(angles: NDArray[np.floating], variance: float) -> Floats:
-    weights = np.exp(-0.5 * angles**2 / variance)
+    weights = np.exp(-0.5 * angles**2 / max(variance, _LEAST_VARIANCE))
     total: Floats = weights / weights.sum()
     return total
 

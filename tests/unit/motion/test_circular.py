@@ -200,3 +200,12 @@ def test_the_concentration_of_a_resultant_is_found(kappa):
     length = np.array([special.i1e(kappa) / special.i0e(kappa)])
     again = inverse_resultant(length)
     assert special.i1e(again) / special.i0e(again) == pytest.approx(length, rel=1e-7)
+
+
+def test_turns_without_diffusion_stay_where_they_are():
+    seen, timing = track(np.random.default_rng(7), 3, 5.0, 20.0, 0.2)
+    grid = Grid(seen, timing, 48)
+    for variance in (0.0, 5e-324, 1e-12):
+        weights = grid.circle_turns(variance)
+        assert weights[24] == 1.0
+        assert weights.sum() == 1.0
