@@ -71,7 +71,12 @@ def geometric_circle(x: Values, y: Values, weights: Values, start: Circle) -> Ci
     for _ in range(100):
         normal = slopes.T @ (weights[:, None] * slopes)
         gradient = slopes.T @ (weights * residual)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
+        try:
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
+        except np.linalg.LinAlgError:
+            # From a centre far away all positions lie in one direction, to the last digit.
+            damping *= 10.0
+            continue
         trial = circle - step
         trial_residual, trial_slopes = _residuals(trial, x, y)
         trial_cost = weights @ trial_residual**2

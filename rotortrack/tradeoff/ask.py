@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rotortrack.errors import ConfigurationError
 from rotortrack.files import write_text
@@ -11,8 +13,22 @@ from rotortrack.tradeoff.point import Answer, Effort, Progress
 from rotortrack.tradeoff.questions import QUESTIONS
 
 
-def ask(name: str, effort: Effort, progress: Progress) -> Answer:
+def ask(
+    name: str,
+    effort: Effort,
+    progress: Progress,
+    groups: Mapping[str, Any] | None = None,
+) -> Answer:
     """Measure what a question asks on this machine.
+
+    Parameters
+    ----------
+    name
+        A key of QUESTIONS.
+    effort, progress
+        How long it may take, and who is told what goes on.
+    groups
+        Situations to ask about, where the question is one of ON_MOVIES; its own when not given.
 
     Raises
     ------
@@ -21,7 +37,9 @@ def ask(name: str, effort: Effort, progress: Progress) -> Answer:
     """
     if name not in QUESTIONS:
         raise ConfigurationError(f"{name} is not a question: known are {', '.join(QUESTIONS)}")
-    answer: Answer = importlib.import_module(QUESTIONS[name]).answer(effort, progress)
+    question = importlib.import_module(QUESTIONS[name])
+    own = () if groups is None else (groups,)
+    answer: Answer = question.answer(effort, progress, *own)
     return answer
 
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from rotortrack.tradeoff.questions import QUESTIONS
+from rotortrack.tradeoff.questions import ON_MOVIES, QUESTIONS
 from rotortrack_cli.console import Console
-from rotortrack_cli.flags import output_flags
+from rotortrack_cli.flags import FILE, Given, gather, stage_options
 from rotortrack_cli.stage_option import StageCommand
 from rotortrack_cli.stages import Stages
 
 if TYPE_CHECKING:
+    from rotortrack.settings import Layer
     from rotortrack.tradeoff.point import Answer, Point
 
 _EFFECTS = "effects"
@@ -31,7 +33,14 @@ _ALL = (*QUESTIONS, _EFFECTS)
     metavar="FOLDER",
     help="Where QUESTION.json, .csv and .png are written.",
 )
-@output_flags
+@click.option(
+    "--on",
+    "movie",
+    type=FILE,
+    metavar="MOVIE",
+    help="Ask about spots and drift as in this movie; its flags are those of `localise`.",
+)
+@stage_options("movie", "camera")
 @click.pass_obj
 def command(
     console: Console,
@@ -39,11 +48,14 @@ def command(
     quick: bool,
     thorough: bool,
     output: Path | None,
+    movie: Path | None,
+    given: Given,
 ) -> None:
     """Show what accuracy costs in time on this machine, one table a QUESTION; all without any.
 
     Defaults are marked, and so are the settings that no other beats in both error and time. The
-    question `effects` takes a SCENE.toml behind it, whose effects are left out one by one.
+    question `effects` takes a SCENE.toml behind it, whose effects are left out one by one. With
+    `--on MOVIE` the questions `localiser` and `drift` are asked about what is measured there.
     """
     scene, names = _scene_of(questions)
     unknown = [name for name in names if name not in _ALL]
@@ -56,14 +68,16 @@ def command(
         raise click.UsageError(
             "--quick and --thorough exclude each other: give one", click.get_current_context()
         )
+    layers = gather(given)
     from rotortrack.tradeoff.ask import ask, title, write_answer
     from rotortrack.tradeoff.point import Effort
     from rotortrack_cli.effects import tell_effects
 
     word: Literal["quick", "usual", "thorough"] = "quick" if quick else "usual"
     effort = Effort("thorough" if thorough else word)
-    chosen = names or _ALL
+    chosen = names or (_ALL if movie is None else ON_MOVIES)
     told: dict[str, Any] = {}
+    groups = None if movie is None else _groups_of(console, movie, layers, given.workers, chosen)
     for name in chosen:
         if len(chosen) > 1:
             console.text(f"\n{name}")
@@ -72,12 +86,35 @@ def command(
             continue
         console.text(f"{title(name)}\n")
         with Stages(console, "") as stages:
-            answer = ask(name, effort, stages)
+            answer = ask(name, effort, stages, None if groups is None else groups[name])
         _show(console, answer)
         if output is not None:
             write_answer(answer, output)
         told[name] = answer.plain()
     console.json(told[chosen[0]] if len(chosen) == 1 else {"questions": told})
+
+
+def _groups_of(
+    console: Console,
+    movie: Path,
+    layers: list[Layer],
+    workers: int | None,
+    names: tuple[str, ...],
+) -> Mapping[str, Mapping[str, Any]]:
+    """Measure what spots and drift of a movie are like, and tell it."""
+    others = [name for name in names if name not in ON_MOVIES]
+    if others:
+        raise click.UsageError(
+            f"--on MOVIE goes with {' and '.join(ON_MOVIES)}, not with {', '.join(others)}",
+            click.get_current_context(),
+        )
+    from rotortrack.pipeline.localise_run import opened
+    from rotortrack.tradeoff.own_movie import groups, measure
+
+    with opened(movie, layers, "movie.pixel_size_nm") as source, Stages(console) as stages:
+        measured = measure(source, workers=workers, progress=stages)
+    console.text(f"{measured.sentence}\n")
+    return groups(measured)
 
 
 def _scene_of(words: tuple[str, ...]) -> tuple[Path | None, tuple[str, ...]]:

@@ -178,11 +178,14 @@ def superscript(power: int) -> str:
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Put few, labelled ticks on a logarithmic axis between two positive limits."""
+def log_ticks(axis: Axis, low: float, high: float, *, wide: float = 2.5) -> None:
+    """Put few, labelled ticks on a logarithmic axis between two positive limits.
+
+    Beyond `wide` powers of ten only these are labelled.
+    """
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     decades = math.log10(high / low)
-    multiples = (1,) if decades > 2.5 else (1, 2, 5) if decades > 0.7 else (1, 1.5, 2, 3, 5, 7)
+    multiples = (1,) if decades > wide else (1, 2, 5) if decades > 0.7 else (1, 1.5, 2, 3, 5, 7)
     stride = max(1, math.ceil(decades / 6))
     ticks = [
         m * 10.0**p for p in range(first, last + 1) for m in multiples if p % stride == 0 or m != 1

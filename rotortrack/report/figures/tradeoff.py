@@ -16,7 +16,7 @@ from rotortrack.report.figures import canvas
 from rotortrack.report.figures.labels import LABEL_SIZE, place_labels
 
 _WIDE, _HIGH = 2.35, 1.9
-_LEFT, _ACROSS = 0.75, 0.75
+_LEFT, _ACROSS = 0.9, 0.75
 _UP, _FOOT, _TOP = 0.85, 0.55, 0.75
 _LINE = 0.17
 _MOST_A_ROW = 3
@@ -150,8 +150,8 @@ def _panel(
         axes.axhline(bound, color=style.INK, linewidth=0.9, linestyle="--")
     axes.set_xlim(*_range(seconds))
     axes.set_ylim(*_range(np.concatenate([low, high, [bound] if bound else []])))
-    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        canvas.log_ticks(axis, *limits)
+    canvas.log_ticks(axes.xaxis, *axes.get_xlim(), wide=1.6)
+    canvas.log_ticks(axes.yaxis, *axes.get_ylim())
     _number(axes, seconds, errors, [str(settings.index(p["setting"]) + 1) for p in points])
 
 

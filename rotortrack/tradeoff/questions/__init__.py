@@ -6,6 +6,12 @@ from typing import Final
 
 QUESTIONS: Final[dict[str, str]] = {
     name: f"rotortrack.tradeoff.questions.{name}"
-    for name in ("registration", "field", "rod", "noise", "blocks", "run")
+    for name in (
+        *("localiser", "filter", "drift", "circle", "speed", "msd"),
+        *("registration", "field", "rod", "noise", "blocks", "run"),
+    )
 }
 """Module of each question by its name; none is imported before it is asked."""
+
+ON_MOVIES: Final = ("localiser", "drift")
+"""Questions that can be asked about what a movie of the user's is like."""

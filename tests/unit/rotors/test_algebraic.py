@@ -10,6 +10,8 @@ from scipy.linalg import eig
 from scipy.optimize import least_squares
 
 from rotortrack.rotors.algebraic import algebraic_circle, geometric_circle
+from rotortrack.rotors.circle import CircleEnd, fit_circle
+from rotortrack.tradeoff.questions.circle import Rotor, positions
 
 
 def constraint(method, z, x, y):
@@ -83,3 +85,15 @@ def test_weight_zero_means_absent(ring):
     for method in ("hyper", "kasa", "pratt", "taubin"):
         alone = algebraic_circle(x[20:], y[20:], np.ones(x.size - 20), method)
         assert algebraic_circle(far, y, weights, method) == pytest.approx(alone, rel=1e-6, abs=1e-9)
+
+
+def test_a_geometric_fit_that_strays_to_infinity_ends():
+    # Spots elsewhere pull the centre so far away that the normal matrix has no inverse.
+    rng = np.random.default_rng((360, 125, 1))
+    rotor = Rotor(1000, 360.0, 0.125, 0.03)
+    for _ in range(2):
+        x, y = positions(rotor, rng)
+    fit = fit_circle(x, y, "geometric")
+    assert fit.end is not CircleEnd.FITTED
+    assert math.isfinite(fit.x_nm)
+    assert math.isfinite(fit.y_nm)
