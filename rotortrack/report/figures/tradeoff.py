@@ -93,7 +93,7 @@ def _key(
 ) -> list[str]:
     """List the settings by their numbers, and what failed."""
     words = "   ".join(
-        f"{number}\u00a0{name.replace(' ', chr(160))}" for number, name in enumerate(settings, 1)
+        f"{number}:\u00a0{name.replace(' ', chr(160))}" for number, name in enumerate(settings, 1)
     )
     letters = int(width_in * 14.5)
     lines = textwrap.wrap(words, letters)

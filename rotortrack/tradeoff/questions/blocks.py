@@ -98,7 +98,7 @@ def advice(points: list[Point]) -> str:
     shared = next(p for p in points if p.group == "workers" and p.is_default)
     plain, packed = of["none"], of["zlib"]
     return (
-        f"Leave blocks as they are ({chosen.error:.0f} MB a worker, {1.0 / chosen.seconds:.0f}000 "
+        f"Leave blocks as they are ({chosen.error:.0f} MB a worker, {1e3 / chosen.seconds:.0f} "
         f"frames/s); all processors are {one.seconds / shared.seconds:.1f} times as fast as one, "
         f"and reading zlib takes {packed.seconds / plain.seconds:.1f} times as long as reading "
         "plain TIFF."

@@ -99,11 +99,14 @@ def advice(points: list[Point]) -> str:
 
 def measure(kind: str, sizes: Sizes, progress: Progress) -> list[Point]:
     """Analyse films of one scene in every way; what an analysis warns of is the film's matter."""
-    from rotortrack.errors import RotortrackWarning
-
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RotortrackWarning)
+        # A run shows its warnings whatever the filters are.
+        warnings.showwarning = _unheard
         return _measured(kind, sizes, progress)
+
+
+def _unheard(*_: Any, **__: Any) -> None:
+    """Show nothing."""
 
 
 def _measured(kind: str, sizes: Sizes, progress: Progress) -> list[Point]:

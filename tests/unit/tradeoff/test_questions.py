@@ -39,7 +39,7 @@ def answered(request) -> Answer:
 
 
 @pytest.mark.filterwarnings("ignore::rotortrack.errors.RotortrackWarning")
-def test_every_group_has_its_default_and_finite_numbers(answered) -> None:
+def test_every_group_has_its_default_and_errors_above_the_bound(answered) -> None:
     for group in answered.groups:
         own = [point for point in answered.points if point.group == group]
         assert sum(point.is_default for point in own) == 1
@@ -50,14 +50,10 @@ def test_every_group_has_its_default_and_finite_numbers(answered) -> None:
             assert point.seconds > 0.0
     assert answered.advice.endswith(".")
     assert Answer.from_json(answered.to_json()) == answered
-
-
-def test_maps_are_judged_by_the_truth(answered) -> None:
-    if answered.question != "registration":
-        pytest.skip("of the registration alone")
-    errors = {point.setting: point.error for point in answered.points}
-    assert errors["affine"] > 20.0
-    assert answered.bounds["64 beads"] < errors["cross-validated"] < 8.0
+    if answered.question == "registration":
+        errors = {point.setting: point.error for point in answered.points}
+        assert errors["affine"] > 20.0
+        assert answered.bounds["64 beads"] < errors["cross-validated"] < 8.0
 
 
 def test_the_true_distortion_has_the_size_that_it_is_said_to_have() -> None:
