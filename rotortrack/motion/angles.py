@@ -101,6 +101,8 @@ def unbroken_angle(
 
     Gaps are crossed as in `consecutive_steps`.
     """
+    if not frame.size:
+        return np.empty(0)
     cumulative = np.full(int(frame[-1] - frame[0]) + 1, np.nan)
     turned = np.cumsum(consecutive_steps(theta_rad, frame, gap_mode, turn_per_frame_rad))
     cumulative[frame - frame[0]] = np.concatenate(([0.0], turned))

@@ -31,5 +31,7 @@ def radius_factor(omega_rad_s: float, diffusion_rad2_s: float, exposure_s: float
         return 1.0
     if abs(c) < _SERIES_BELOW:
         # The quotient loses all its digits to cancellation here.
-        return math.sqrt((1.0 - c / 3.0 + c**2 / 12.0).real)
+        return math.sqrt(
+            (1.0 - c / 3.0 + c**2 / 12.0 - c**3 / 60.0 + c**4 / 360.0 - c**5 / 2520.0).real
+        )
     return math.sqrt(2.0 * ((cmath.exp(-c) - 1.0 + c) / c**2).real)

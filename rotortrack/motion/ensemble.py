@@ -148,8 +148,10 @@ def ensemble(tracks: Sequence[Track], timing: Timing) -> Ensemble:
 
 def track_msd(track: Track, lags: Integers) -> tuple[Floats, Integers]:
     """Mean-square displacement in the plane (nm^2) at these lags, and the pairs of frames."""
-    offset = track.frame - track.frame[0]
     values, pairs = np.zeros(lags.size), np.zeros(lags.size, np.int64)
+    if not track.frame.size:
+        return np.full(lags.size, np.nan), pairs
+    offset = track.frame - track.frame[0]
     inside = lags <= offset[-1]
     for place in track.place_nm.T:
         trace = np.full(int(offset[-1]) + 1, np.nan)

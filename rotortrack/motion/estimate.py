@@ -178,7 +178,13 @@ def estimate_motion(
     Returns
     -------
     MotionEstimate
-        nan with fewer than ten readings or without adjacent frames.
+        nan with fewer than ten readings, without adjacent frames, or with all places at the
+        circle's centre.
+
+    Raises
+    ------
+    ValueError
+        Frames do not ascend.
 
     Notes
     -----
@@ -186,9 +192,13 @@ def estimate_motion(
     """
     if not circle.radius_nm > 0.0:
         return replace(NOT_ESTIMATED, reason=Reason.NO_CIRCLE)
+    if frame.size and np.diff(frame).min(initial=1) < 1:
+        raise ValueError("frames must ascend without repeats")
     timing = Timing(frame_interval_s, exposure_s)
-    seen = readings(frame, x_nm, y_nm, x_sd_nm, y_sd_nm, circle)
-    if len(seen) < _LEAST_READINGS:
+    # Single precision would cost half of the digits of a speed.
+    x, y, x_sd, y_sd = (np.asarray(part, np.float64) for part in (x_nm, y_nm, x_sd_nm, y_sd_nm))
+    seen = readings(frame, x, y, x_sd, y_sd, circle)
+    if len(seen) < _LEAST_READINGS or not seen.distance_nm.any():
         return NOT_ESTIMATED
     start = first_guess(seen, timing)
     if not math.isfinite(start.omega_rad_s):

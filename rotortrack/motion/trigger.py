@@ -102,6 +102,8 @@ def rising_edges(time_s: Floats, trigger_v: Floats) -> Edges:
     InputError
         The signal does not have two levels.
     """
+    if not trigger_v.size:
+        raise InputError("the trigger's trace has no sample: give the one recorded with the movie")
     low_v, high_v = _levels(trigger_v)
     part = (trigger_v - low_v) / (high_v - low_v)
     # The last clear state at each sample: 1 high, 0 low, -1 not known yet.

@@ -142,6 +142,9 @@ def voltage_steps(time_s: Floats, voltage_v: Floats, *, min_step_s: float) -> Vo
     min_step_s
         Shortest stretch, s. Pickup of the mains averages out when it is 0.2 s.
     """
+    if not time_s.size:
+        nothing = np.empty(0)
+        return VoltageSteps(nothing, nothing, nothing, nothing)
     bins = max(int((time_s[-1] - time_s[0]) / min_step_s * _MOST_BINS_PER_STEP), 1)
     edges_s = np.linspace(time_s[0], time_s[-1], bins + 1)
     cut = np.unique(np.searchsorted(time_s, edges_s[:-1]))

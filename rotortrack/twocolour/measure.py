@@ -104,8 +104,7 @@ class _Pair:
     @property
     def strayed(self) -> tuple[Floats, Floats]:
         """Variance along the vector and across it that diffusion between both exposures adds."""
-        unit = self.vector / self.length[:, np.newaxis]
-        along: Floats = np.sum(unit * self.stray, axis=1) ** 2
+        along: Floats = np.sum(self.unit * self.stray, axis=1) ** 2
         return along, np.sum(self.stray**2, axis=1) - along
 
     @property
@@ -118,6 +117,13 @@ class _Pair:
         along, across = self.strayed
         even: Floats = np.sqrt(np.maximum(self.length**2 + along - across, 0.0))
         return even
+
+    @property
+    def unit(self) -> Floats:
+        """Direction of the vector, (frames, 2); none where its ends meet."""
+        least = np.finfo(np.float64).tiny
+        unit: Floats = self.vector / np.maximum(self.length, least)[:, np.newaxis]
+        return unit
 
     @property
     def length(self) -> Floats:
@@ -212,7 +218,11 @@ def _pairs(
         place = np.array([rotor["x_nm"], rotor["y_nm"]], np.float64)
         ends = rows[["x1_nm", "y1_nm", "x2_nm", "y2_nm"]].to_numpy(np.float64)
         sd = rows[["x1_sd_nm", "y1_sd_nm", "x2_sd_nm", "y2_sd_nm"]].to_numpy(np.float64)
-        late_s = rows["late_s"].to_numpy(np.float64)
+        finite = np.isfinite(ends).all(axis=1) & (np.isfinite(sd) & (sd > 0)).all(axis=1)
+        if finite.sum() < min_frames:
+            continue
+        ends, sd = ends[finite], sd[finite]
+        late_s = rows["late_s"].to_numpy(np.float64)[finite]
         second, stray = undo_lag(
             ends[:, 2],
             ends[:, 3],
@@ -222,17 +232,14 @@ def _pairs(
             diffusion_rad2_s=float(rotor.get("diffusion_rad2_s", math.nan)),
             exposure_s=exposure_s,
         )
-        finite = np.isfinite(ends).all(axis=1) & (np.isfinite(sd) & (sd > 0)).all(axis=1)
-        if finite.sum() < min_frames:
-            continue
         yield _Pair(
             rotor=int(rows["rotor"].iloc[0]),
             frame=rows["frame"].to_numpy(np.int64)[finite],
-            first=ends[finite, :2],
-            second=second[finite],
-            variance=(sd[:, :2] ** 2 + sd[:, 2:] ** 2)[finite],
-            stray=stray[finite],
-            late_s=late_s[finite],
+            first=ends[:, :2],
+            second=second,
+            variance=sd[:, :2] ** 2 + sd[:, 2:] ** 2,
+            stray=stray,
+            late_s=late_s,
             place=place,
             stretch=_stretch(rotor),
             map_sd_nm=float(registration.error_nm(place[np.newaxis])[0]),
@@ -301,13 +308,12 @@ def _distance_of(pair: _Pair, options: EndsOptions) -> Distance:
 
 def _constancy(pair: _Pair) -> float:
     """Give the length of the mean direction: 1 for a vector that stays, 0 for one that turns."""
-    return float(np.hypot(*(pair.vector / pair.length[:, np.newaxis]).mean(axis=0)))
+    return float(np.hypot(*pair.unit.mean(axis=0)))
 
 
 def _frame_rows(pair: _Pair, options: EndsOptions, timing: Timing) -> pd.DataFrame:
     vector, length = pair.vector, pair.length
-    unit = vector / length[:, np.newaxis]
-    along = np.sqrt(np.sum(unit**2 * pair.variance, axis=1) + pair.strayed[0])
+    along = np.sqrt(np.sum(pair.unit**2 * pair.variance, axis=1) + pair.strayed[0])
     sd = np.sqrt(pair.variance + pair.stray**2)
     values = {
         "rotor": np.full(len(length), pair.rotor),

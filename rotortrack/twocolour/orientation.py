@@ -62,8 +62,8 @@ def preferred_axis(angles_rad: Floats) -> Axis:
     was. Of fewer than 8 that number is too uncertain: of free rotors that seem worth less, up to a
     quarter would have a probability below 0.05.
     """
-    doubled = np.exp(2j * np.asarray(angles_rad, np.float64))
-    doubled = doubled[np.isfinite(doubled)]
+    angles = np.asarray(angles_rad, np.float64)
+    doubled = np.exp(2j * angles[np.isfinite(angles)])
     if doubled.size < _FEWEST:
         return Axis(math.nan, math.nan, math.nan, float(doubled.size))
     mean = complex(doubled.mean())
@@ -131,7 +131,7 @@ def alignment(axes_deg: Floats, order: Floats, pore_axis_deg: float) -> Alignmen
     known = np.isfinite(axes) & np.isfinite(order)
     axes, order = axes[known], order[known]
     weight = float(order.sum())
-    if not weight > 0.0:
+    if not weight > _NO_SPREAD:
         return Alignment(math.nan, math.nan, int(known.sum()))
     terms = order * np.cos(2.0 * np.deg2rad(axes - pore_axis_deg))
     spread = math.sqrt(0.5 * float(np.sum(order**2)))

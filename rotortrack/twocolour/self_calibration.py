@@ -81,10 +81,10 @@ def local_shift(dx_nm: Floats, dy_nm: Floats, noise_nm: Floats) -> LocalShift:
     fit = fit_circle(dx_nm, dy_nm)
     angle = np.arctan2(-(dy_nm - fit.y_nm), dx_nm - fit.x_nm)
     turns = full_turns(angle)
-    told = float(np.sqrt(np.mean(np.asarray(noise_nm, np.float64) ** 2)))
     if fit.end is not CircleEnd.FITTED:
         none = math.nan
         return LocalShift(none, none, none, none, none, turns, False, "the vector traces no circle")
+    told = float(np.sqrt(np.mean(np.asarray(noise_nm, np.float64) ** 2)))
     shaken = told**2 * (1.0 + _CHANCE * math.sqrt(2.0 / fit.n_used))
     breathing = math.sqrt(max(fit.residual_sd_nm**2 - shaken, 0.0))
     most = max(_MUCH_BREATHING * fit.radius_nm, _LEAST_BREATHING_NM)

@@ -219,8 +219,8 @@ def _another_order(subject: Subject) -> Outcome:
     if found is None:
         return Word(refused)
     expected = answer(subject)
-    if found.size == len(order) != 1:
-        expected = expected[order]
+    if found.size % len(order) == 0:
+        expected = expected.reshape(-1, len(order))[:, order].ravel()
     return digits(found, expected)
 
 
