@@ -16,21 +16,27 @@ if TYPE_CHECKING:
     from rotortrack.corrections.drift.drift import apply_drift
     from rotortrack.errors import RotortrackError
     from rotortrack.exchange.tables import read_localisations, write_localisations
+    from rotortrack.exchange.writer import TableInfo
     from rotortrack.localise.engine import localise_all
     from rotortrack.localise.options import LocaliseOptions
     from rotortrack.motion.angles import build_tracks
+    from rotortrack.motion.link_options import LinkOptions
     from rotortrack.motion.measure import measure_motion
     from rotortrack.motion.msd import fit_msd, msd
+    from rotortrack.motion.options import MotionOptions
     from rotortrack.motion.particles import track_particles
     from rotortrack.motion.screen import screen
     from rotortrack.movies.movie import ArrayMovie
     from rotortrack.movies.tiff import open_movie
     from rotortrack.movies.write import write_movie
+    from rotortrack.pipeline.run import run_movie
     from rotortrack.rotors.circle import fit_circle
     from rotortrack.rotors.cluster import cluster
     from rotortrack.rotors.find import find_rotors
     from rotortrack.simulate.ideal import IdealRotor, IdealScene
     from rotortrack.simulate.ideal_film import film
+    from rotortrack.twocolour.distance import true_distance
+    from rotortrack.twocolour.registration import read_registration
 
     __version__: str
 
@@ -39,8 +45,11 @@ _HOMES = {
     "Camera": "cameras.camera",
     "IdealRotor": "simulate.ideal",
     "IdealScene": "simulate.ideal",
+    "LinkOptions": "motion.link_options",
     "LocaliseOptions": "localise.options",
+    "MotionOptions": "motion.options",
     "RotortrackError": "errors",
+    "TableInfo": "exchange.writer",
     "apply_drift": "corrections.drift.drift",
     "build_tracks": "motion.angles",
     "cluster": "rotors.cluster",
@@ -55,8 +64,11 @@ _HOMES = {
     "neighbour_counts": "corrections.density",
     "open_movie": "movies.tiff",
     "read_localisations": "exchange.tables",
+    "read_registration": "twocolour.registration",
+    "run_movie": "pipeline.run",
     "screen": "motion.screen",
     "track_particles": "motion.particles",
+    "true_distance": "twocolour.distance",
     "write_localisations": "exchange.tables",
     "write_movie": "movies.write",
 }
@@ -66,8 +78,11 @@ __all__ = [
     "Camera",
     "IdealRotor",
     "IdealScene",
+    "LinkOptions",
     "LocaliseOptions",
+    "MotionOptions",
     "RotortrackError",
+    "TableInfo",
     "__version__",
     "apply_drift",
     "build_tracks",
@@ -83,8 +98,11 @@ __all__ = [
     "neighbour_counts",
     "open_movie",
     "read_localisations",
+    "read_registration",
+    "run_movie",
     "screen",
     "track_particles",
+    "true_distance",
     "write_localisations",
     "write_movie",
 ]

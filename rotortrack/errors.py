@@ -10,7 +10,18 @@ from typing import ClassVar
 
 
 class RotortrackError(Exception):
-    """Root of all errors raised on purpose; a bug is anything else."""
+    """Root of all errors raised on purpose; a bug is anything else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rotortrack as rt
+    >>> try:
+    ...     rt.open_movie(Path("no-such-movie.tif"))
+    ... except rt.RotortrackError as error:
+    ...     print(type(error).__name__)
+    MovieError
+    """
 
     exit_code: ClassVar[int] = 1
 

@@ -48,6 +48,14 @@ class Camera:
     ------
     CameraError
         A value is not finite, a gain is not positive, a noise is negative, or maps differ in size.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> camera = rt.Camera(offset_adu=100.0, gain_e_per_adu=0.5, read_noise_e=1.4)
+    >>> camera.to_photons(np.array([[100.0, 300.0]])).tolist()
+    [[0.0, 100.0]]
     """
 
     offset_adu: Number

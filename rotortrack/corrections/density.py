@@ -46,6 +46,13 @@ def neighbour_counts(
     are sorted by horizontal bands and by x inside them: the part of a band that surely lies
     inside the circle is counted as one difference of row numbers, and only its two ends are
     computed. Memory is linear in n however dense the rotors are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> rt.neighbour_counts(np.array([0.0, 30.0, 500.0]), np.zeros(3), 50.0).tolist()
+    [1, 1, 0]
     """
     return _count(x_nm, y_nm, radius_nm, enough=np.iinfo(np.int64).max)
 

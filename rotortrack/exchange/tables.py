@@ -60,6 +60,19 @@ def read_localisations(path: Path, *, pixel_size_nm: float | None = None) -> pd.
         The format needs an optional package that is not installed.
     ResourceError
         The memory of this computer cannot hold the table.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> spots = pd.DataFrame({"frame": [0, 1], "x_nm": [10.0, 12.0], "y_nm": [5.0, 5.0]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "spots.parquet"
+    ...     rt.write_localisations(path, spots, rt.TableInfo())
+    ...     rt.read_localisations(path)["frame"].tolist()
+    [0, 1]
     """
     import pandas as pd
 
@@ -127,7 +140,21 @@ def open_writer(path: Path, info: TableInfo) -> AbstractContextManager[Localisat
 
 
 def write_localisations(path: Path, table: pd.DataFrame, info: TableInfo) -> None:
-    """Write a table of localisations atomically in the format of the ending."""
+    """Write a table of localisations atomically in the format of the ending.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> spots = pd.DataFrame({"frame": [0, 1], "x_nm": [10.0, 12.0], "y_nm": [5.0, 5.0]})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "spots.csv"
+    ...     rt.write_localisations(path, spots, rt.TableInfo(pixel_size_nm=108.3))
+    ...     rt.read_localisations(path)["x_nm"].tolist()
+    [10.0, 12.0]
+    """
     table = conform(table, LOCALISATIONS, f"the table for {path}")
     columns = {str(name): table[name].to_numpy() for name in table.columns}
     with open_writer(path, info) as writer:

@@ -40,6 +40,12 @@ class TableInfo:
         Time between the starts of two frames (s).
     provenance
         How the table was made; written as JSON.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> rt.TableInfo(pixel_size_nm=108.3, frames=2000).frames
+    2000
     """
 
     pixel_size_nm: float | None = None

@@ -10,7 +10,16 @@ from rotortrack.settings import Options, option
 
 @dataclass(frozen=True, kw_only=True)
 class LocaliseOptions(Options):
-    """Wavelet filter, threshold, candidates and fits."""
+    """Wavelet filter, threshold, candidates and fits.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> rt.LocaliseOptions().method
+    'mle'
+    >>> rt.LocaliseOptions(method="wlsq", fit_radius_px=4).fit_radius_px
+    4
+    """
 
     wavelet_order: int = option(3, "order q of the B-spline", ge=1, le=10)
     wavelet_scale: float = option(2.0, "scale l of the B-spline, pixels", gt=0, le=10)

@@ -161,6 +161,28 @@ def build_tracks(
     TableError
         The column `rotor` is missing, a rotor has two usable rows in one frame, or frame numbers
         jump by more than MOST_FRAMES.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> turn = 0.08 * np.arange(200)
+    >>> noise = np.random.default_rng(1).normal(0.0, 8.0, (2, 200))
+    >>> spots = pd.DataFrame(
+    ...     {
+    ...         "frame": np.arange(200),
+    ...         "x_nm": 500.0 + 120.0 * np.cos(turn) + noise[0],
+    ...         "y_nm": 500.0 - 120.0 * np.sin(turn) + noise[1],
+    ...     }
+    ... ).assign(uncertainty_nm=8.0, x_sd_nm=8.0, y_sd_nm=8.0, photons=500.0)
+    >>> found = rt.find_rotors(spots)
+    >>> judged = rt.screen(found.localisations, found.rotors, n_frames=200)
+    >>> tracks = rt.build_tracks(
+    ...     found.localisations, judged.rotors, frame_interval_s=0.002, gap_mode="drop"
+    ... )
+    >>> round(tracks["cumulative_rad"].iloc[-1], 1)
+    np.float64(16.1)
     """
     if "rotor" not in localisations.columns:
         raise TableError("the localisations lack the column rotor: cluster them first")

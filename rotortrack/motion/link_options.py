@@ -9,7 +9,14 @@ from rotortrack.settings import Options, option
 
 @dataclass(frozen=True, kw_only=True)
 class LinkOptions(Options):
-    """How spots of mobile particles become tracks."""
+    """How spots of mobile particles become tracks.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> type(rt.LinkOptions()).__name__
+    'LinkOptions'
+    """
 
     search_range_nm: float | None = option(
         None,

@@ -180,6 +180,31 @@ def measure_motion(
     AngleWarning
         Steps of a measured rotor are so wide that the 180-degree rule shortens its cumulative
         angle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> turn = 0.08 * np.arange(200)
+    >>> noise = np.random.default_rng(1).normal(0.0, 8.0, (2, 200))
+    >>> spots = pd.DataFrame(
+    ...     {
+    ...         "frame": np.arange(200),
+    ...         "x_nm": 500.0 + 120.0 * np.cos(turn) + noise[0],
+    ...         "y_nm": 500.0 - 120.0 * np.sin(turn) + noise[1],
+    ...     }
+    ... ).assign(uncertainty_nm=8.0, x_sd_nm=8.0, y_sd_nm=8.0, photons=500.0)
+    >>> found = rt.find_rotors(spots)
+    >>> judged = rt.screen(found.localisations, found.rotors, n_frames=200)
+    >>> tracks = rt.build_tracks(
+    ...     found.localisations, judged.rotors, frame_interval_s=0.002, gap_mode="drop"
+    ... )
+    >>> measured = rt.measure_motion(
+    ...     tracks, judged.rotors, rt.MotionOptions(), frame_interval_s=0.002, exposure_s=0.002
+    ... )
+    >>> round(measured.rotors["omega_rad_s"].iloc[0])
+    40
     """
     if exposure_s is None:
         warnings.warn(

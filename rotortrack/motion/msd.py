@@ -91,6 +91,16 @@ def msd(cumulative_rad: Floats, max_lag: int | None = None) -> MSD:
     Cost: three forward and three inverse real FFTs of length 2 N. A gapless track could do with
     half of them and running sums, but those lose two digits more.
     Source: Calandrini et al., Collection SFN 12 (2011) 201, with trend and mask added.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> curve = rt.msd(0.1 * np.arange(100.0))
+    >>> curve.values[:3].round(6).tolist()
+    [0.01, 0.04, 0.09]
+    >>> curve.pairs[:3].tolist()
+    [99, 98, 97]
     """
     x = np.asarray(cumulative_rad, np.float64)
     last = max(min(x.size - 1, x.size - 1 if max_lag is None else max_lag), 0)
@@ -128,6 +138,14 @@ def fit_msd(curve: MSD, frame_interval_s: float, *, lags: int, noise: bool = Fal
     -------
     MSDFit
         All nan when fewer lags than terms have pairs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> curve = rt.msd(0.1 * np.arange(100.0))
+    >>> round(rt.fit_msd(curve, 0.002, lags=25).speed_rad_s, 3)
+    50.0
     """
     chosen = (curve.lags <= lags) & (curve.pairs > 0)
     tau = curve.lags[chosen] * frame_interval_s

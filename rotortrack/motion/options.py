@@ -10,7 +10,14 @@ from rotortrack.settings import Options, option
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions(Options):
-    """How angles become speeds, diffusion coefficients and behaviours."""
+    """How angles become speeds, diffusion coefficients and behaviours.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> rt.MotionOptions(estimator="increments").driven_z
+    3.0
+    """
 
     estimator: Literal["auto", "increments", "circular", "paper"] = option(
         "auto",

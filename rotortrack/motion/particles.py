@@ -87,6 +87,27 @@ def track_particles(
     -----
     LinkWarning
         Strange spots are so near that particles may be confused.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> rng = np.random.default_rng(1)
+    >>> walks = np.cumsum(rng.normal(0.0, 60.0, (100, 5, 2)), axis=0)
+    >>> walks += 4000.0 * np.arange(5)[:, np.newaxis]
+    >>> spots = pd.DataFrame(
+    ...     {
+    ...         "frame": np.repeat(np.arange(100), 5),
+    ...         "x_nm": walks[..., 0].ravel(),
+    ...         "y_nm": walks[..., 1].ravel(),
+    ...     }
+    ... ).assign(x_sd_nm=5.0, y_sd_nm=5.0)
+    >>> found = rt.track_particles(
+    ...     spots, rt.LinkOptions(), frame_interval_s=0.01, exposure_s=0.01
+    ... )
+    >>> len(found.particles)
+    5
     """
     if exposure_s > frame_interval_s:
         raise ConfigurationError(

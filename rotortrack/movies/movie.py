@@ -117,6 +117,16 @@ class ArrayMovie(Movie):
     ------
     MovieError
         The array has another shape or number type, or no pixels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> movie = rt.ArrayMovie(np.zeros((10, 32, 48), np.uint16))
+    >>> movie.shape
+    (10, 32, 48)
+    >>> movie.frames(2, 5).shape
+    (3, 32, 48)
     """
 
     def __init__(self, counts: Frames, metadata: Metadata = NOTHING) -> None:

@@ -45,6 +45,19 @@ def open_movie(paths: Path | Sequence[Path], options: MovieOptions | None = None
         Frames are missing and the others are used.
     MetadataWarning
         The options contradict the file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "movie.tif"
+    ...     rt.write_movie(path, np.zeros((10, 32, 48), np.uint16), shape=(10, 32, 48))
+    ...     with rt.open_movie(path) as movie:
+    ...         movie.shape
+    (10, 32, 48)
     """
     given = (Path(paths),) if isinstance(paths, str | Path) else tuple(Path(path) for path in paths)
     if not given:

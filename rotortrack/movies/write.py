@@ -64,6 +64,20 @@ def write_movie(
         an OME-TIFF lacks its `shape`.
     ResourceError
         The disk is full or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "movie.ome.tif"
+    ...     frames = (np.full((32, 48), k, np.uint16) for k in range(10))
+    ...     rt.write_movie(path, frames, shape=(10, 32, 48), pixel_size_nm=108.3)
+    ...     with rt.open_movie(path) as movie:
+    ...         movie.metadata["pixel_size_nm"].value
+    108.3
     """
     path = Path(path)
     stream = _single_frames(frames)

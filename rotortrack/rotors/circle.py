@@ -127,6 +127,15 @@ def fit_circle(
     0.5 ms for 2000 positions, 1.5 ms with outlier search (geometric: 1.5 and 8 ms), 5 ms with the
     likelihood. Where the moments of the distances give R / s < 1.75 (1.2 with the likelihood) the
     end is NOT_A_RING, because a plain fit of a spot gives R = 1.25 s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> turn = np.linspace(0.0, 6.0, 200)
+    >>> fit = rt.fit_circle(500.0 + 100.0 * np.cos(turn), 300.0 + 100.0 * np.sin(turn))
+    >>> round(fit.x_nm, 3), round(fit.y_nm, 3), round(fit.radius_nm, 3)
+    (500.0, 300.0, 100.0)
     """
     x, y = (np.asarray(v, dtype=np.float64).ravel() for v in (x_nm, y_nm))
     finite = np.isfinite(x) & np.isfinite(y)

@@ -57,6 +57,13 @@ def cluster(x_nm: Positions, y_nm: Positions, distance_nm: float) -> Labels:
     -----
     Exact; O(n) memory, O(n log n) time (1e6 points: 0.2 to 0.9 s). Connected components of the
     graph of distances <= d are the single-linkage clusters cut at d, as MATLAB's pcsegdist makes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> rt.cluster(np.array([0.0, 30.0, 500.0]), np.zeros(3), 50.0).tolist()
+    [0, 0, 1]
     """
     x_nm = np.asarray(x_nm, dtype=np.float64)
     y_nm = np.asarray(y_nm, dtype=np.float64)

@@ -85,6 +85,24 @@ def find_rotors(
     -----
     PercolationWarning
         The background is within a factor 2 of linking the whole field.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> turn = 0.08 * np.arange(200)
+    >>> noise = np.random.default_rng(1).normal(0.0, 8.0, (2, 200))
+    >>> spots = pd.DataFrame(
+    ...     {
+    ...         "frame": np.arange(200),
+    ...         "x_nm": 500.0 + 120.0 * np.cos(turn) + noise[0],
+    ...         "y_nm": 500.0 - 120.0 * np.sin(turn) + noise[1],
+    ...     }
+    ... ).assign(uncertainty_nm=8.0, x_sd_nm=8.0, y_sd_nm=8.0, photons=500.0)
+    >>> found = rt.find_rotors(spots)
+    >>> found.rotors[["x_nm", "y_nm", "radius_nm"]].round(-1).to_numpy().tolist()
+    [[500.0, 500.0, 120.0]]
     """
     clustering = cluster_options or ClusterOptions()
     circle = circle_options or CircleOptions()

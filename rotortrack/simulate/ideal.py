@@ -61,6 +61,20 @@ class IdealRotor:
     ------
     ConfigurationError
         Values out of bounds, or given to a kind of rotor that has no use for them; all listed.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> rotor = rt.IdealRotor(
+    ...     kind="driven",
+    ...     x_nm=1600.0,
+    ...     y_nm=1600.0,
+    ...     radius_nm=120.0,
+    ...     photons=800.0,
+    ...     omega_rad_s=40.0,
+    ... )
+    >>> rotor.radius_nm
+    120.0
     """
 
     kind: Kind
@@ -145,6 +159,25 @@ class IdealScene:
     ------
     ConfigurationError
         Values out of bounds or rotors centred outside the frame; all listed.
+
+    Examples
+    --------
+    >>> import rotortrack as rt
+    >>> rotor = rt.IdealRotor(
+    ...     kind="stuck", x_nm=2600.0, y_nm=2600.0, radius_nm=120.0, photons=800.0
+    ... )
+    >>> scene = rt.IdealScene(
+    ...     shape_px=(48, 48),
+    ...     n_frames=200,
+    ...     pixel_size_nm=108.3,
+    ...     frame_interval_s=0.002,
+    ...     exposure_s=0.002,
+    ...     sigma_nm=140.0,
+    ...     background_photons=5.0,
+    ...     rotors=(rotor,),
+    ... )
+    >>> scene.n_frames * scene.frame_interval_s
+    0.4
     """
 
     shape_px: tuple[int, int]

@@ -125,6 +125,18 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
     breathes slowly may have another mean in another film: `lasting_sd_nm` is wider by the ratio of
     frames to independent distances, which are counted by the autocovariance of squared lengths.
     Noise does not enter it, as that of two frames is independent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rotortrack as rt
+    >>> rng = np.random.default_rng(1)
+    >>> noise = 30.0
+    >>> lengths = np.hypot(50.0 + rng.normal(0, noise, 5000), rng.normal(0, noise, 5000))
+    >>> round(lengths.mean())
+    60
+    >>> round(rt.true_distance(lengths, np.full(5000, noise)).default.mean_nm)
+    49
     """
     lengths = np.asarray(lengths_nm, np.float64)
     noise = np.asarray(noise_nm, np.float64)

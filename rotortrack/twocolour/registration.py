@@ -262,6 +262,20 @@ def read_registration(path: Path) -> Registration:
         The file is none, is damaged, or is of a later version.
     ConfigurationError
         It cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import rotortrack as rt
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "channels.json"
+    ...     _ = path.write_text("{}")
+    ...     try:
+    ...         rt.read_registration(path)
+    ...     except rt.RotortrackError as error:
+    ...         print(type(error).__name__)
+    RegistrationError
     """
     try:
         content = json.loads(read_content(path))

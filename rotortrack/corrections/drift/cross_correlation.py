@@ -67,6 +67,22 @@ def estimate_drift(
     O(n log n) in the localisations and one Fourier transform of the field per bin; memory is
     linear in both. Source: ThunderSTORM (Ovesny et al., Bioinformatics 30, 2389 (2014)),
     behaviour only.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> from rotortrack.corrections.options import DriftOptions
+    >>> rng = np.random.default_rng(1)
+    >>> frame = np.repeat(np.arange(2000), 20)
+    >>> sites = np.tile(rng.uniform(0.0, 20_000.0, (20, 2)), (2000, 1))
+    >>> drifted = sites + np.column_stack([0.05 * frame, 0.0 * frame])
+    >>> places = drifted + rng.normal(0.0, 8.0, sites.shape)
+    >>> spots = pd.DataFrame({"frame": frame, "x_nm": places[:, 0], "y_nm": places[:, 1]})
+    >>> drift = rt.estimate_drift(spots, DriftOptions(), pixel_size_nm=100.0)
+    >>> bool(abs(np.ptp(drift.table["dx_nm"]) - 100.0) < 5.0)
+    True
     """
     if options.method == "none":
         return no_drift(localisations, options.method)

@@ -135,6 +135,17 @@ def apply_drift(localisations: pd.DataFrame, drift: Drift) -> pd.DataFrame:
         Columns frame, x_nm, y_nm and any others.
     drift
         What `estimate_drift` returned.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import rotortrack as rt
+    >>> from rotortrack.corrections.drift.drift import no_drift
+    >>> spots = pd.DataFrame({"frame": [0, 1], "x_nm": [10.0, 12.0], "y_nm": [5.0, 5.0]})
+    >>> drift = no_drift(spots, "by hand")
+    >>> drift.table["dx_nm"] = [0.0, 2.0]
+    >>> rt.apply_drift(spots, drift)["x_nm"].tolist()
+    [10.0, 10.0]
     """
     require_columns(localisations, "frame", "x_nm", "y_nm")
     if drift.table.empty or localisations.empty:
