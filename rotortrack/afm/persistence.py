@@ -243,7 +243,7 @@ def mean_square_distance(length: Floats, persistence: float) -> Floats:
     """<R^2> = 4 P L (1 - 2 P / L (1 - exp(-L / (2 P)))) of chains in the plane."""
     u = length / (2.0 * persistence)
     # 2 (u - 1 + exp(-u)) / u^2 loses all digits for stiff rods.
-    series = 1.0 - u / 3.0 + u**2 / 12.0 - u**3 / 60.0
+    series = 1.0 - u / 3.0 + u**2 / 12.0 - u**3 / 60.0 + u**4 / 360.0
     exact = 2.0 * (u + np.expm1(-u)) / np.maximum(u, 1e-3) ** 2
     return np.asarray(length**2 * np.where(u < 1e-2, series, exact))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cmath
 import math
 
-_SERIES_BELOW = 1e-2
+_SERIES_BELOW = 0.5
+_SERIES_TERMS = 14
 
 
 def radius_factor(omega_rad_s: float, diffusion_rad2_s: float, exposure_s: float) -> float:
@@ -30,8 +31,10 @@ def radius_factor(omega_rad_s: float, diffusion_rad2_s: float, exposure_s: float
     if not (math.isfinite(c.real) and math.isfinite(c.imag)):
         return 1.0
     if abs(c) < _SERIES_BELOW:
-        # The quotient loses all its digits to cancellation here.
-        return math.sqrt(
-            (1.0 - c / 3.0 + c**2 / 12.0 - c**3 / 60.0 + c**4 / 360.0 - c**5 / 2520.0).real
-        )
+        # The quotient loses its digits to cancellation here.
+        total = term = complex(1.0)
+        for n in range(3, 3 + _SERIES_TERMS):
+            term *= -c / n
+            total += term
+        return math.sqrt(total.real)
     return math.sqrt(2.0 * ((cmath.exp(-c) - 1.0 + c) / c**2).real)

@@ -51,13 +51,16 @@ class Fit:
         return not self.diffusion_relative_sd <= IDENTIFIED
 
 
+_SMALLEST_VARIANCE = 1e-300
+"""Squares of uncertainties below vanish."""
+
 NAN = math.nan
 NO_FIT = Fit(NAN, NAN, (NAN, NAN), NAN, NAN, NAN, (NAN, NAN), NAN, NAN)
 
 
 def freedom(diffusion_relative_sd: float) -> float:
     """Degrees of freedom of a variance that is as uncertain as D."""
-    return max(2.0 / diffusion_relative_sd**2, 1.0)
+    return max(2.0 / max(diffusion_relative_sd**2, _SMALLEST_VARIANCE), 1.0)
 
 
 def quantile(degrees: float) -> float:

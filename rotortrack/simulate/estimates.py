@@ -169,7 +169,9 @@ def rotational_friction_pn_nm_s(
     length = np.linalg.norm(edge, axis=1)
     total = 0.0
     # Simpson's rule is exact for the r^2 of a straight segment; r (t.e_phi) is constant along it.
-    around = (begin[:, 0] * edge[:, 1] - begin[:, 1] * edge[:, 0]) / length
+    moment = begin[:, 0] * edge[:, 1] - begin[:, 1] * edge[:, 0]
+    # Vertices that coincide have no direction, and no length that it would count for.
+    around = np.divide(moment, length, out=np.zeros_like(length), where=length > 0.0)
     for place, weight in ((0.0, 1.0 / 6.0), (0.5, 4.0 / 6.0), (1.0, 1.0 / 6.0)):
         point = begin + place * edge
         total += weight * float(np.sum(length * (point[:, 0] ** 2 + point[:, 1] ** 2)))

@@ -142,11 +142,9 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
     noise = np.asarray(noise_nm, np.float64)
     if lengths.shape != noise.shape or lengths.ndim != 1 or lengths.size < _FEWEST:
         raise ValueError(f"give at least {_FEWEST} lengths, each with its noise")
-    if not (np.isfinite(lengths) & np.isfinite(noise) & (lengths >= 0) & (noise > 0)).all():
+    if not (np.isfinite(lengths) & np.isfinite(noise) & (lengths >= 0) & (noise**2 > 0)).all():
         raise ValueError("lengths and noise must be finite, lengths at least 0, noise above 0")
     told = float(np.sqrt(np.mean(noise**2)))
-    if not told > np.finfo(np.float64).tiny:
-        raise ValueError("noise is so small that its square is 0: give lengths in another unit")
     # A length of exactly 0 has no logarithm; a millionth of the noise is none of anybody's.
     data = _gathered(np.maximum(lengths, 1e-6 * told), noise, told)
     square = float(np.mean(lengths**2)) - 2.0 * told**2

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rotortrack.errors import RotortrackError
+from rotortrack.errors import RotortrackError, RotortrackWarning
 
 MOST_DIGITS = 15.0
 LOST = 1.0
@@ -127,7 +127,7 @@ def attempt(call: Callable[[], Any]) -> tuple[np.ndarray | None, str]:
     with np.errstate(divide="raise", invalid="raise"), warnings.catch_warnings():
         warnings.simplefilter("error")
         # What the library tells its user is no fault; anything else that escapes is.
-        warnings.filterwarnings("ignore", module="rotortrack")
+        warnings.simplefilter("ignore", RotortrackWarning)
         try:
             return np.atleast_1d(np.asarray(call(), float)).ravel(), ""
         except RotortrackError as error:

@@ -2,7 +2,7 @@
 
 A routine is public where another folder of the library, or the command line, imports it, or where
 `rotortrack` itself names it; numerical, where its signature speaks of arrays, tables or floats.
-What a folder calls for itself alone is met through what it is called by.
+What a folder calls for itself alone is met through what it is called by, and so are kernels.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ def _defined() -> dict[str, str]:
             continue
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                if any("kernel" in ast.unparse(one) for one in node.decorator_list):
+                    continue
                 arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
                 hints = [*(one.annotation for one in arguments), node.returns]
                 functions[f"{module}.{node.name}"] = " ".join(

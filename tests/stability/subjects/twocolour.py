@@ -305,8 +305,6 @@ SUBJECTS = (
 )
 
 EXEMPT = {
-    "twocolour.compare.compare_groups": "draws samples: tests/benchmarks/comparisons.py",
-    "twocolour.compare_facts.comparison_histograms": "counts: tests/unit/twocolour",
     "twocolour.measured.measured_group": "cuts tables by rotor: tests/unit/twocolour",
     "twocolour.population.rod_population": "cuts tables by cell: tests/unit/twocolour",
 }
