@@ -183,18 +183,11 @@ def measure_motion(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import pandas as pd
-    >>> import rotortrack as rt
-    >>> turn = 0.08 * np.arange(200)
-    >>> noise = np.random.default_rng(1).normal(0.0, 8.0, (2, 200))
-    >>> spots = pd.DataFrame(
-    ...     {
-    ...         "frame": np.arange(200),
-    ...         "x_nm": 500.0 + 120.0 * np.cos(turn) + noise[0],
-    ...         "y_nm": 500.0 - 120.0 * np.sin(turn) + noise[1],
-    ...     }
-    ... ).assign(uncertainty_nm=8.0, x_sd_nm=8.0, y_sd_nm=8.0, photons=500.0)
+    >>> import numpy as np, pandas as pd, rotortrack as rt
+    >>> turn, noise = 0.08 * np.arange(200), np.random.default_rng(1).normal(0.0, 8.0, (2, 200))
+    >>> x, y = 500.0 + 120.0 * np.array([np.cos(turn), -np.sin(turn)]) + noise
+    >>> spots = pd.DataFrame({"frame": np.arange(200), "x_nm": x, "y_nm": y})
+    >>> spots = spots.assign(uncertainty_nm=8.0, x_sd_nm=8.0, y_sd_nm=8.0, photons=500.0)
     >>> found = rt.find_rotors(spots)
     >>> judged = rt.screen(found.localisations, found.rotors, n_frames=200)
     >>> tracks = rt.build_tracks(

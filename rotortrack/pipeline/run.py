@@ -148,41 +148,24 @@ def run_movie(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import numpy as np
-    >>> import rotortrack as rt
+    >>> import pathlib, tempfile, numpy as np, rotortrack as rt
     >>> from rotortrack.settings import Layer
     >>> rotor = rt.IdealRotor(
-    ...     kind="driven",
-    ...     x_nm=2600.0,
-    ...     y_nm=2600.0,
-    ...     radius_nm=120.0,
-    ...     photons=800.0,
-    ...     omega_rad_s=40.0,
+    ...     kind="driven", x_nm=2600.0, y_nm=2600.0, radius_nm=120.0, photons=800.0,
+    ...     omega_rad_s=40.0
     ... )
     >>> scene = rt.IdealScene(
-    ...     shape_px=(48, 48),
-    ...     n_frames=400,
-    ...     pixel_size_nm=108.3,
-    ...     frame_interval_s=0.002,
-    ...     exposure_s=0.002,
-    ...     sigma_nm=140.0,
-    ...     background_photons=5.0,
-    ...     rotors=(rotor,),
+    ...     shape_px=(48, 48), n_frames=400, pixel_size_nm=108.3, frame_interval_s=0.002,
+    ...     exposure_s=0.002, sigma_nm=140.0, background_photons=5.0, rotors=(rotor,)
     ... )
-    >>> camera = rt.Camera(offset_adu=100.0, gain_e_per_adu=0.5, read_noise_e=1.4)
-    >>> movie = rt.film(scene, camera, np.random.default_rng(1))
-    >>> given = {
-    ...     "movie": {"pixel_size_nm": 108.3, "frame_interval_s": 0.002, "exposure_s": 0.002},
-    ...     "camera": {"offset_adu": 100.0, "gain_e_per_adu": 0.5, "read_noise_e": 1.4},
-    ...     "drift": {"method": "none"},
-    ... }
+    >>> sensor = {"offset_adu": 100.0, "gain_e_per_adu": 0.5, "read_noise_e": 1.4}
+    >>> movie = rt.film(scene, rt.Camera(**sensor), np.random.default_rng(1))
+    >>> known = {"pixel_size_nm": 108.3, "frame_interval_s": 0.002, "exposure_s": 0.002}
+    >>> given = {"movie": known, "camera": sensor, "drift": {"method": "none"}}
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "movie.tif"
-    ...     rt.write_movie(path, movie.frames(0, 400), shape=movie.shape)
-    ...     result = rt.run_movie(path, [Layer("notebook", given)], Path(folder) / "run")
-    >>> round(result.rotors["omega_rad_s"].iloc[0])
+    ...     rt.write_movie(path := pathlib.Path(folder) / "movie.tif", movie.frames(0, 400))
+    ...     result = rt.run_movie(path, [Layer("notebook", given)], pathlib.Path(folder) / "run")
+    >>> round(result.rotors["omega_rad_s"][0])
     40
     """
     record = Record("run")

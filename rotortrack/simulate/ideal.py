@@ -66,12 +66,8 @@ class IdealRotor:
     --------
     >>> import rotortrack as rt
     >>> rotor = rt.IdealRotor(
-    ...     kind="driven",
-    ...     x_nm=1600.0,
-    ...     y_nm=1600.0,
-    ...     radius_nm=120.0,
-    ...     photons=800.0,
-    ...     omega_rad_s=40.0,
+    ...     kind="driven", x_nm=1600.0, y_nm=1600.0, radius_nm=120.0, photons=800.0,
+    ...     omega_rad_s=40.0
     ... )
     >>> rotor.radius_nm
     120.0
@@ -167,14 +163,8 @@ class IdealScene:
     ...     kind="stuck", x_nm=2600.0, y_nm=2600.0, radius_nm=120.0, photons=800.0
     ... )
     >>> scene = rt.IdealScene(
-    ...     shape_px=(48, 48),
-    ...     n_frames=200,
-    ...     pixel_size_nm=108.3,
-    ...     frame_interval_s=0.002,
-    ...     exposure_s=0.002,
-    ...     sigma_nm=140.0,
-    ...     background_photons=5.0,
-    ...     rotors=(rotor,),
+    ...     shape_px=(48, 48), n_frames=200, pixel_size_nm=108.3, frame_interval_s=0.002,
+    ...     exposure_s=0.002, sigma_nm=140.0, background_photons=5.0, rotors=(rotor,)
     ... )
     >>> scene.n_frames * scene.frame_interval_s
     0.4

@@ -28,7 +28,7 @@ def test_the_notebook_example_finds_the_rotors(monkeypatch, capsys):
     names: dict[str, object] = {}
     exec(code, names)
     assert len(names["found"].rotors) == 8
-    assert "radius_nm" in capsys.readouterr().out
+    assert "omega_rad_s" in capsys.readouterr().out
 
 
 def test_the_calibration_example_gives_maps_that_a_run_takes(monkeypatch, tmp_path):
