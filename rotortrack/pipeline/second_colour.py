@@ -157,7 +157,9 @@ def ends_of(
             "--line-time-s (0 where all rows are exposed together) to have that corrected"
         )
     for sentence in notes:
-        record.note(sentence)
+        # A command on the same folder takes over what the one before it noted.
+        if sentence not in record.content["notes"]:
+            record.note(sentence)
     record.count(
         rotors_with_both_ends=len(measured.rotors), frames_with_both_ends=len(measured.frames)
     )

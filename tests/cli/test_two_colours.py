@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 import tifffile
 
+from rotortrack.twocolour import measure
+
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 MOVIE = SAMPLES / "two_colours" / "movie.tif"
 CONFIG = ("-c", SAMPLES / "two_colours" / "config.toml")
@@ -130,6 +132,15 @@ def test_end_to_end_measures_again_by_other_options(call: Callable[..., Any], ru
     assert manifest["options"]["ends"]["median_frames"]["value"] == 7
     assert {"tracks", "rotors", *TABLES} <= set(manifest["tables"])
     assert manifest["steps"] == ["run", "end-to-end"]
+
+
+def test_a_note_is_taken_once_however_often_distances_are_measured(
+    call: Callable[..., Any], run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measure, "_notes", lambda rotors: iter([f"{len(rotors)} of them"]))
+    for _ in range(2):
+        assert call("end-to-end", run, "--no-figures").code == 0
+    assert json.loads((run / "run.json").read_text())["notes"].count("4 of them") == 1
 
 
 def test_motion_measures_distances_again(call: Callable[..., Any], run: Path) -> None:
