@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
 from rotortrack.twocolour.distance_law import log_density_slopes
+from rotortrack.twocolour.independent import independent_distances
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ _LARGEST_SCALE = 1.5
 _STEP = 3e-3
 _LIKE, _BIN = 0.08, 0.05
 _SETTLED, _KNOWN_SD = 1e-3, 1e-4
-_FEWEST, _DOUBTFUL_SD = 10, 2.0
+_FEWEST = 10
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Estimate:
     mean_nm, mean_sd_nm
         Mean of the true distance over the frames, and its standard deviation.
     low_nm, high_nm
-        Its 95 % interval, of the profile of the likelihood; from 0 where the distance drowns in
-        noise.
+        Its 95 % interval, of the profile of the likelihood less what breathing adds; from 0 where
+        the distance drowns in noise.
     breathing_nm, breathing_sd_nm
         Standard deviation of the true distance over time; 0 with an unknown error (nan) where
         nothing tells it from a constant one.
@@ -119,10 +120,11 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
 
     Notes
     -----
-    Errors take frames as independent, and are those of the mean over these frames. A rod that
-    breathes slowly may have another mean in another film: `lasting_sd_nm` is wider by the ratio of
-    frames to independent distances, which are counted by the autocovariance of squared lengths.
-    Noise does not enter it, as that of two frames is independent.
+    Errors are those of the mean over these frames: the likelihood's own are of the mean that all
+    frames are drawn from, and so wider by the variance of breathing over their number. A rod that
+    breathes may have another mean in another film: `lasting_sd_nm` is wider by the variance of
+    breathing over the number of independent distances, which are counted by the autocovariance of
+    squared lengths. Noise does not enter it, as that of two frames is independent.
 
     Examples
     --------
@@ -151,8 +153,8 @@ def true_distance(lengths_nm: Floats, noise_nm: Floats, *, noise_prior: float = 
         known = _fit(data, 0.0, _least(data, 0.0, best.place, breathes=breathes), breathes=breathes)
     free = _least(data, math.inf, best.place, breathes=breathes)
     variance = default.breathing_nm**2
-    breaths = _independent(lengths, noise) if breathes else float(lengths.size)
-    lasting = default.mean_sd_nm**2 + variance * (1.0 / breaths - 1.0 / lengths.size)
+    breaths = independent_distances(lengths, noise) if breathes else float(lengths.size)
+    lasting = default.mean_sd_nm**2 + variance / breaths if breathes else default.mean_sd_nm**2
     return Distance(
         default=default,
         known=known,
@@ -213,30 +215,6 @@ class _Data:
         return cost, slope
 
 
-def _independent(lengths: Floats, noise: Floats) -> float:
-    """Count the independent distances, between 1 and the number of frames.
-
-    Squared lengths covary from frame to frame by their true distances alone. The covariances are
-    summed over lags up to the first that is less than twice its standard deviation were there none
-    (Geyer's positive sequence, Statistical Science 7, 473, 1992, with a bound for noise).
-    The covariance at lag 0, which holds noise, is replaced by one on the line through lags 1 and 2.
-    """
-    n = lengths.size
-    squares = lengths**2 - 2.0 * noise**2
-    squares -= squares.mean()
-    padded = np.fft.rfft(squares, 1 << (2 * n - 1).bit_length())
-    covariance = np.fft.irfft(np.abs(padded) ** 2)[:n] / np.arange(n, 0, -1)
-    least = _DOUBTFUL_SD * covariance[0] / math.sqrt(n)
-    weak = np.flatnonzero(covariance[1:] < least)
-    kept = covariance[1 : 1 + (int(weak[0]) if weak.size else n - 1)]
-    if kept.size == 0:
-        return float(n)
-    at_once = 2.0 * kept[0] - kept[1] if kept.size > 1 else kept[0]
-    lags = np.arange(1, kept.size + 1)
-    together = 1.0 + 2.0 * float(np.sum((1.0 - lags / n) * kept)) / min(at_once, covariance[0])
-    return float(np.clip(n / together, 1.0, n))
-
-
 def _gathered(lengths: Floats, noise: Floats, told: float) -> _Data:
     """Replace lengths within a twentieth of their like noise by their mean.
 
@@ -279,11 +257,18 @@ def _fit(data: _Data, prior: float, best: _Best, *, breathes: bool) -> Estimate:
         data, prior, best, math.sqrt(covariance[0, 0]), breathes=breathes
     )
     scale = math.exp(log_scale)
+    kept = 1.0
+    if breathes:
+        # An efficient mean errs from that of the frames by its variance less that of theirs; noise
+        # leaves at least its own.
+        frames = float(data.counts.sum())
+        kept = math.sqrt(max(mean_sd**2 - width**2 / frames, scale**2 / frames)) / mean_sd
+    below = kept if low > 0.0 else 1.0
     return Estimate(
         mean_nm=mean * data.unit,
-        mean_sd_nm=mean_sd * data.unit,
-        low_nm=low * data.unit,
-        high_nm=high * data.unit,
+        mean_sd_nm=kept * mean_sd * data.unit,
+        low_nm=(mean - below * (mean - low)) * data.unit,
+        high_nm=(mean + kept * (high - mean)) * data.unit,
         breathing_nm=width * data.unit,
         breathing_sd_nm=math.sqrt(covariance[1, 1]) * data.unit if breathes else math.nan,
         scale=scale,
