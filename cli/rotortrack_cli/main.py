@@ -21,6 +21,11 @@ from rotortrack_cli.exits import Exit
 from rotortrack_cli.lazy import LazyGroup
 from rotortrack_cli.signals import Terminated, stoppable
 
+# Matrices here are small: threads of BLAS would wait for each other longer than they work, and add
+# up in an order that depends on their number. Read when numpy is loaded.
+for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 _COMMANDS = {
     "run": "The whole workflow: movie to rotor speeds, figures and summary.",
     "info": "What is in a movie or run folder and what was understood of it.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -73,3 +74,19 @@ def test_a_host_program_keeps_its_own_collection_of_garbage(call: Callable[..., 
     before = gc.get_threshold(), gc.get_freeze_count()
     assert call("--version").code == 0
     assert (gc.get_threshold(), gc.get_freeze_count()) == before
+
+
+@pytest.mark.parametrize(("asked", "had"), [(None, "1"), ("3", "3")])
+def test_blas_has_one_thread_unless_the_user_wants_more(asked: str | None, had: str) -> None:
+    name = "OPENBLAS_NUM_THREADS"
+    environment = {key: value for key, value in os.environ.items() if key != name}
+    if asked:
+        environment[name] = asked
+    script = (
+        f"import os, sys, rotortrack_cli.main\nprint('numpy' in sys.modules, os.environ['{name}'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment
+    )
+    # Once numpy is loaded it would be too late.
+    assert done.stdout.split() == ["False", had]
