@@ -77,8 +77,11 @@ def centre_motion(
 
     Notes
     -----
-    O(n). A part whose positions all lie in one direction tells the shift in that one alone and is
-    left out: across it, the information must be a tenth of that along it.
+    O(n log n). A part whose positions all lie in one direction tells the shift in that one alone
+    and is left out: across it, the information must be a tenth of that along it. A rod that
+    breathes is off its circle in the same way for many frames, which shifts parts by more than as
+    many independent positions would: standard deviations hold the covariance of the scatter in
+    time, as those of Newey and West (Econometrica 55, 703, 1987) do.
     """
     dx, dy = x_nm - circle[0], y_nm - circle[1]
     distance = np.hypot(dx, dy)
@@ -102,10 +105,62 @@ def centre_motion(
     left = np.maximum(rr - shift[:, 0] * ur - shift[:, 1] * vr, 0.0)
     freedom = used[told].sum()
     noise2 = float(left[told].sum() / freedom) if freedom else math.nan
-    sd = np.sqrt(noise2 * np.column_stack((vv, uu)) / det[:, np.newaxis])
+    variance = noise2 * np.column_stack((vv, uu)) / det[:, np.newaxis]
+    moved = _neighbours(np.where(told[:, np.newaxis], shift, np.nan))[part]
+    residual = out - moved[:, 0] * u - moved[:, 1] * v
+    place = np.clip(frame - first - part * (stop - first) // PARTS, 0, (stop - first) // PARTS)
+    wide = _correlated(part, place, residual, u, v)
+    if wide is not None:
+        # (uu, uv, vv) of the sums, brought to that of the shifts by the inverse on both sides.
+        suu, suv, svv = wide
+        x = (vv**2 * suu - 2.0 * vv * uv * suv + uv**2 * svv) / det**2
+        y = (uu**2 * svv - 2.0 * uu * uv * suv + uv**2 * suu) / det**2
+        variance = np.maximum(variance, np.column_stack((x, y)))
+    sd = np.sqrt(variance)
     if told.any():
         shift = shift - np.average(shift[told], axis=0, weights=count[told])
     return CentreMotion(shift, sd)
+
+
+def _neighbours(shift: Floats) -> Floats:
+    """Average the shifts of the parts before and after each; 0 where neither is known.
+
+    That follows a centre that slides, and takes nothing of a part's own scatter away.
+    """
+    none = np.full((1, 2), np.nan)
+    beside = np.stack((np.vstack((none, shift[:-1])), np.vstack((shift[1:], none))))
+    known = np.isfinite(beside)
+    mean: Floats = np.where(known, beside, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return mean
+
+
+def _correlated(
+    part: NDArray[np.int64], place: NDArray[np.int64], residual: Floats, u: Floats, v: Floats
+) -> tuple[Floats, Floats, Floats] | None:
+    """Give the (co)variances of each part's sums of residuals times direction.
+
+    The covariance of residuals at each lag is that of all parts together, up to the first lag where
+    it is less than twice its error; None where that is the very first.
+    """
+    rows = np.zeros((4, PARTS, int(place.max(initial=0)) + 1))
+    for row, values in zip(rows, (residual, np.ones_like(residual), u, v), strict=True):
+        row[part, place] = values
+    length = rows.shape[2]
+    padded = 1 << (2 * length - 1).bit_length()
+    spectra = np.fft.rfft(rows, padded)
+    e, there = np.fft.irfft((np.abs(spectra[:2]) ** 2).sum(axis=1), padded)[:, :length]
+    pairs = np.maximum(np.round(there), 1.0)
+    covariance = e / pairs
+    weak = np.flatnonzero(covariance[1:] < 2.0 * covariance[0] / np.sqrt(pairs[1:]))
+    lags = 1 + (int(weak[0]) if weak.size else length - 1)
+    if lags == 1:
+        return None
+    kernel = np.zeros(padded)
+    kernel[:lags] = covariance[:lags]
+    kernel[padded - lags + 1 :] = covariance[1:lags][::-1]
+    smooth = np.fft.irfft(spectra[2:] * np.fft.rfft(kernel), padded)[..., :length]
+    suu, suv, svv = (np.sum(rows[2 + i] * smooth[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
+    return suu, suv, svv
 
 
 def common_motion(motions: Sequence[CentreMotion]) -> tuple[float, float]:

@@ -19,7 +19,7 @@ _COHERENT = 0.5
 _LEAST_SD = 1e-4
 _FACTOR_RANGE = (0.1, 20.0)
 _WOBBLE = 0.3
-_MEDIAN_VARIANCE = 5.4
+_MEDIAN_VARIANCE = 6.4
 _LEAST_CONCENTRATION = 1e-3
 
 
@@ -136,19 +136,22 @@ def readings(
 
 
 def radial_scatter(distance_nm: Floats) -> float:
-    """Robust standard deviation of the distances from the centre, nm."""
-    if distance_nm.size == 0:
+    """Robust standard deviation of the noise of distances from the centre, nm.
+
+    By their steps from one reading to the next, which a rod that breathes over many frames leaves
+    as they are.
+    """
+    if distance_nm.size < 2:
         return 0.0
-    return 1.4826 * float(np.median(np.abs(distance_nm - np.median(distance_nm))))
+    return 1.4826 / math.sqrt(2.0) * float(np.median(np.abs(np.diff(distance_nm))))
 
 
 def noise_prior(seen: Readings, timing: Timing, diffusion: float, radius_nm: float) -> NoisePrior:
     """Read the noise off the radius, where the rotor's motion hardly shows.
 
-    Noise along the radius is that along the circle, and so are errors of the drift correction.
-    Motion during the exposure adds ``R^2 (2 D t)^2 / 180``, which is taken off. A rotor that
-    wobbles or whose circle is an ellipse scatters more, hence the width of 0.3: a hundred
-    readings tell their noise better.
+    Noise along the radius is that along the circle. Motion during the exposure adds
+    ``R^2 (2 D t)^2 / 180``, which is taken off. A rotor that wobbles or turns fast on an ellipse
+    scatters more, hence the width of 0.3: a hundred readings tell their noise better.
     """
     blur = (2.0 * diffusion * timing.exposure_s) ** 2 / 180.0
     scatter = (radial_scatter(seen.distance_nm) / radius_nm) ** 2

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 from rotortrack import parallel
 from rotortrack.tables import empty
 from rotortrack.twocolour.distance import Distance, true_distance
-from rotortrack.twocolour.ends import Timing, pair_ends, undo_lag
+from rotortrack.twocolour.end_pairs import Pair, pairs_of
+from rotortrack.twocolour.ends import Timing, pair_ends
 from rotortrack.twocolour.ends_options import EndsOptions
 from rotortrack.twocolour.moving_median import moving_median
 from rotortrack.twocolour.orientation import alignment, preferred_axis
@@ -33,7 +33,6 @@ from rotortrack.twocolour.tables import END_TO_END, END_TO_END_ROTORS
 
 Floats = NDArray[np.float64]
 
-_LARGEST_STRETCH = 1.5
 _INTERVAL = 1.96
 
 
@@ -72,70 +71,6 @@ class Measured:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Both ends of one rotor; arrays of shape (frames,)."""
-
-    rotor: int
-    frame: NDArray[np.int64]
-    first: Floats
-    second: Floats
-    variance: Floats
-    stray: Floats
-    late_s: Floats
-    place: Floats
-    stretch: float
-    map_sd_nm: float
-
-    @property
-    def vector(self) -> Floats:
-        """Second end less first, (frames, 2)."""
-        return self.second - self.first
-
-    @property
-    def noise_nm(self) -> Floats:
-        """Noise of the vector along itself, that of the registration left out.
-
-        That of localisation is taken as the same along and across.
-        """
-        noise: Floats = np.sqrt(0.5 * self.variance.sum(axis=1) + self.strayed[0])
-        return noise
-
-    @property
-    def strayed(self) -> tuple[Floats, Floats]:
-        """Variance along the vector and across it that diffusion between both exposures adds."""
-        along: Floats = np.sum(self.unit * self.stray, axis=1) ** 2
-        return along, np.sum(self.stray**2, axis=1) - along
-
-    @property
-    def even_length(self) -> Floats:
-        """Length that the vector had if its noise across were that along, (frames,).
-
-        Noise across lengthens a vector, noise along does not: where the two differ, the square of
-        the length is longer by their difference than the law of even noise expects.
-        """
-        along, across = self.strayed
-        even: Floats = np.sqrt(np.maximum(self.length**2 + along - across, 0.0))
-        return even
-
-    @property
-    def unit(self) -> Floats:
-        """Direction of the vector, (frames, 2); none where its ends meet."""
-        least = np.finfo(np.float64).tiny
-        unit: Floats = self.vector / np.maximum(self.length, least)[:, np.newaxis]
-        return unit
-
-    @property
-    def length(self) -> Floats:
-        """Length of the vector, (frames,)."""
-        length: Floats = np.hypot(*self.vector.T)
-        return length
-
-    def moved(self, shift: Floats, map_sd_nm: float) -> _Pair:
-        """Give the same with the second end shifted."""
-        return dataclasses.replace(self, second=self.second - shift, map_sd_nm=map_sd_nm)
-
-
 def measure_ends(
     first: pd.DataFrame,
     second: pd.DataFrame,
@@ -157,8 +92,8 @@ def measure_ends(
         Trusted localisations of the second colour as they were seen, and their places on the first
         colour, (rows, 2), nm.
     rotors
-        Table of schema ROTORS; with speeds and diffusion, motion blur and a rolling shutter's lag
-        are allowed for.
+        Table of schema ROTORS; motion blur and a rolling shutter's lag are allowed for by its
+        speeds and diffusion, or by what both ends tell where it has none.
     registration, options, timing
         How the second colour lies on the first, how distances are measured, when rows are exposed.
     workers
@@ -176,7 +111,7 @@ def measure_ends(
     to the noise of a rotor that turns, and shifts the distance of one that does not.
     """
     paired = pair_ends(first, second, places_nm, rotors, reach_nm=options.reach_nm, timing=timing)
-    pairs = list(_pairs(paired, rotors, registration, options.min_frames, timing.exposure_s))
+    pairs = list(pairs_of(paired, rotors, registration, options.min_frames, timing))
     with ThreadPoolExecutor(workers or parallel.default_workers()) as pool:
         shifts = list(pool.map(_shift_of, pairs))
         field, pairs = _calibrated(pairs, shifts, options)
@@ -199,71 +134,16 @@ def measure_ends(
             alignment_p=found.alignment_p,
             aligned_rotors=found.n_rotors,
         )
-    return Measured(frames, table, field, tuple(_notes(table)))
+    return Measured(frames, table, field, tuple(_notes(table, pairs)))
 
 
-def _pairs(
-    paired: pd.DataFrame,
-    rotors: pd.DataFrame,
-    registration: Registration,
-    min_frames: int,
-    exposure_s: float,
-) -> Iterator[_Pair]:
-    """Give each rotor's ends, the second one turned back to when the first was exposed."""
-    known = rotors.set_index("rotor")
-    for number, rows in paired.groupby("rotor"):
-        if len(rows) < min_frames:
-            continue
-        rotor = known.loc[number].to_dict()
-        place = np.array([rotor["x_nm"], rotor["y_nm"]], np.float64)
-        ends = rows[["x1_nm", "y1_nm", "x2_nm", "y2_nm"]].to_numpy(np.float64)
-        sd = rows[["x1_sd_nm", "y1_sd_nm", "x2_sd_nm", "y2_sd_nm"]].to_numpy(np.float64)
-        finite = np.isfinite(ends).all(axis=1) & (np.isfinite(sd) & (sd > 0)).all(axis=1)
-        if finite.sum() < min_frames:
-            continue
-        ends, sd = ends[finite], sd[finite]
-        late_s = rows["late_s"].to_numpy(np.float64)[finite]
-        second, stray = undo_lag(
-            ends[:, 2],
-            ends[:, 3],
-            late_s,
-            pivot_nm=(float(place[0]), float(place[1])),
-            omega_rad_s=float(rotor.get("omega_rad_s", math.nan)),
-            diffusion_rad2_s=float(rotor.get("diffusion_rad2_s", math.nan)),
-            exposure_s=exposure_s,
-        )
-        yield _Pair(
-            rotor=int(rows["rotor"].iloc[0]),
-            frame=rows["frame"].to_numpy(np.int64)[finite],
-            first=ends[:, :2],
-            second=second,
-            variance=sd[:, :2] ** 2 + sd[:, 2:] ** 2,
-            stray=stray,
-            late_s=late_s,
-            place=place,
-            stretch=_stretch(rotor),
-            map_sd_nm=float(registration.error_nm(place[np.newaxis])[0]),
-        )
-
-
-def _stretch(rotor: Mapping[Any, Any]) -> float:
-    """Give the true radius over that of exposures' means; 1 where it is not known."""
-    true, fitted = (_number(rotor.get(name)) for name in ("radius_nm", "radius_fit_nm"))
-    stretch = true / fitted if fitted > 0.0 else math.nan
-    return stretch if 1.0 <= stretch <= _LARGEST_STRETCH else 1.0
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else math.nan
-
-
-def _shift_of(pair: _Pair) -> LocalShift:
+def _shift_of(pair: Pair) -> LocalShift:
     return local_shift(pair.vector[:, 0], pair.vector[:, 1], pair.noise_nm)
 
 
 def _calibrated(
-    pairs: list[_Pair], shifts: list[LocalShift], options: EndsOptions
-) -> tuple[Field, list[_Pair]]:
+    pairs: list[Pair], shifts: list[LocalShift], options: EndsOptions
+) -> tuple[Field, list[Pair]]:
     """Correct the registration by what rigid rotors share, and each by itself where asked to."""
     rigid = [i for i, shift in enumerate(shifts) if shift.rigid]
     found: SmoothShift | str = "not asked for"
@@ -293,25 +173,20 @@ def _calibrated(
     return field, pairs
 
 
-def _remaining(pair: _Pair, shift: LocalShift, found: SmoothShift | str) -> Floats:
+def _remaining(pair: Pair, shift: LocalShift, found: SmoothShift | str) -> Floats:
     """Give what a rotor shows beside what was subtracted for all."""
     own = np.array([shift.x_nm, shift.y_nm])
     return own if isinstance(found, str) else own - found.at(pair.place)[0]
 
 
-def _distance_of(pair: _Pair, options: EndsOptions) -> Distance:
+def _distance_of(pair: Pair, options: EndsOptions) -> Distance:
     # A fixed error of the registration is noise to a vector that turns, but not to one that stays.
-    turning = 1.0 - _constancy(pair) ** 2
+    turning = 1.0 - pair.constancy**2
     noise = np.sqrt(pair.noise_nm**2 + turning * pair.map_sd_nm**2)
     return true_distance(pair.even_length, noise, noise_prior=options.noise_prior)
 
 
-def _constancy(pair: _Pair) -> float:
-    """Give the length of the mean direction: 1 for a vector that stays, 0 for one that turns."""
-    return float(np.hypot(*pair.unit.mean(axis=0)))
-
-
-def _frame_rows(pair: _Pair, options: EndsOptions, timing: Timing) -> pd.DataFrame:
+def _frame_rows(pair: Pair, options: EndsOptions, timing: Timing) -> pd.DataFrame:
     vector, length = pair.vector, pair.length
     along = np.sqrt(np.sum(pair.unit**2 * pair.variance, axis=1) + pair.strayed[0])
     sd = np.sqrt(pair.variance + pair.stray**2)
@@ -333,7 +208,7 @@ def _frame_rows(pair: _Pair, options: EndsOptions, timing: Timing) -> pd.DataFra
 
 
 def _rotor_row(
-    pair: _Pair, shift: LocalShift, distance: Distance, registration: Registration
+    pair: Pair, shift: LocalShift, distance: Distance, registration: Registration
 ) -> dict[str, object]:
     """Give a rotor's row of END_TO_END_ROTORS."""
     rings = both_rings(
@@ -343,7 +218,7 @@ def _rotor_row(
     axis = preferred_axis(np.arctan2(-vector[:, 1], vector[:, 0]))
     stretch, best, told = pair.stretch, distance.default, distance.told_noise_nm
     # Of a vector that stays, the registration's error goes straight into its length.
-    fixed = _constancy(pair) * pair.map_sd_nm
+    fixed = pair.constancy * pair.map_sd_nm
 
     def with_map(sd: float) -> float:
         return stretch * math.hypot(sd, fixed)
@@ -390,10 +265,20 @@ def _rotor_row(
     }
 
 
-def _notes(rotors: pd.DataFrame) -> Iterator[str]:
+def _notes(rotors: pd.DataFrame, pairs: list[Pair]) -> Iterator[str]:
     outside = int(rotors["extrapolated"].sum())
     if outside:
         yield (
             f"{outside} rotors with both ends lie outside the registration's beads, where its "
             "error is not known (extrapolated): film beads there"
+        )
+    lagging = [
+        str(pair.rotor)
+        for pair in pairs
+        if not pair.turning_known and np.nanmax(np.abs(pair.late_s), initial=0.0) > 0.0
+    ]
+    if lagging:
+        yield (
+            f"how far rotors {', '.join(lagging)} turn in a frame could not be told, so that what "
+            "a rolling shutter adds to their distances is not taken off"
         )

@@ -137,7 +137,7 @@ def test_end_to_end_measures_again_by_other_options(call: Callable[..., Any], ru
 def test_a_note_is_taken_once_however_often_distances_are_measured(
     call: Callable[..., Any], run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measure, "_notes", lambda rotors: iter([f"{len(rotors)} of them"]))
+    monkeypatch.setattr(measure, "_notes", lambda rotors, _: iter([f"{len(rotors)} of them"]))
     for _ in range(2):
         assert call("end-to-end", run, "--no-figures").code == 0
     assert json.loads((run / "run.json").read_text())["notes"].count("4 of them") == 1

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rotortrack.motion.centre_motion import PARTS, centre_motion, common_motion
 from rotortrack.rotors.circle import fit_circle
@@ -19,13 +20,23 @@ def wave(rng, rms_nm):
     return rms_nm * (curve - curve.mean()) / curve.std()
 
 
-def moving(rng, shift_x=0.0, shift_y=0.0, *, diffusion=None, axis_ratio=1.0):
+def breath(rng, sd_nm, time):
+    """Ornstein-Uhlenbeck process with a correlation time in frames."""
+    kept = math.exp(-1.0 / time)
+    pushes = sd_nm * math.sqrt(1.0 - kept**2) * rng.normal(size=FRAMES)
+    return lfilter([1.0], [1.0, -kept], pushes, zi=[kept * sd_nm * rng.normal()])[0]
+
+
+def moving(
+    rng, shift_x=0.0, shift_y=0.0, *, diffusion=None, axis_ratio=1.0, omega=0.0, breathing=None
+):
     """CentreMotion and radius of a rotor as it is found."""
     diffusion = diffusion or 10.0 ** rng.uniform(0.0, 1.7)
     radius, noise = rng.uniform(60.0, 180.0), rng.uniform(8.0, 20.0)
-    theta = np.cumsum(rng.normal(0.0, math.sqrt(0.004 * diffusion), FRAMES))
-    x = radius * np.cos(theta) + shift_x + noise * rng.normal(size=FRAMES)
-    y = axis_ratio * radius * np.sin(theta) + shift_y + noise * rng.normal(size=FRAMES)
+    theta = np.cumsum(rng.normal(0.002 * omega, math.sqrt(0.004 * diffusion), FRAMES))
+    out = radius + (breath(rng, *breathing) if breathing else 0.0)
+    x = out * np.cos(theta) + shift_x + noise * rng.normal(size=FRAMES)
+    y = axis_ratio * out * np.sin(theta) + shift_y + noise * rng.normal(size=FRAMES)
     frame = np.flatnonzero(rng.random(FRAMES) < rng.uniform(0.3, 0.95))
     fit = fit_circle(x[frame], y[frame], outlier_sd=4.0)
     circle = (fit.x_nm, fit.y_nm, fit.radius_nm)
@@ -39,6 +50,17 @@ def test_centres_at_rest_are_not_taken_for_moving_ones(axis_ratio):
     assert max(motion.wander_nm / radius for motion, radius in found) < 0.15
     if axis_ratio == 1.0:
         assert np.mean([motion.wander_nm > 0.0 for motion, _ in found]) < 0.08
+
+
+@pytest.mark.parametrize("time", [5.0, 25.0, 100.0])
+def test_a_rod_that_breathes_is_not_taken_for_a_moving_centre(time):
+    rng = np.random.default_rng(7)
+    found = [
+        moving(rng, omega=rng.uniform(-60.0, 60.0), breathing=(15.0, time))[0] for _ in range(60)
+    ]
+    assert np.mean([motion.wander_nm > 0.0 for motion in found]) < 0.08
+    pull = np.concatenate([motion.shift_nm / motion.sd_nm for motion in found])
+    assert 0.8 < np.nanstd(pull) < 1.2
 
 
 def test_a_centre_that_moves_is_measured():

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rotortrack.motion.readings import Circle, Timing, first_guess, noise_prior, readings
 
@@ -69,6 +70,20 @@ def test_the_radius_tells_the_noise(sd_nm):
     frame, x, y = spin(rng, 20000, 10.0, 5.0, sd_nm)
     prior = noise_prior(read(frame, x, y, 0.8 * sd_nm), Timing(FRAME_S, 0.0), 5.0, 100.0)
     assert prior.log_factor == pytest.approx(np.log(1.25**2), abs=0.1)
+
+
+@pytest.mark.parametrize("time", [25.0, 200.0])
+def test_a_rod_that_breathes_over_many_frames_tells_its_noise_all_the_same(time):
+    rng = np.random.default_rng(4)
+    frame, x, y = spin(rng, 20000, 10.0, 5.0, 8.0)
+    kept = np.exp(-1.0 / time)
+    breath = lfilter([15.0 * np.sqrt(1.0 - kept**2)], [1.0, -kept], rng.normal(size=frame.size))
+    out = 1.0 + breath / np.hypot(x - 500.0, y + 200.0)
+    x, y = 500.0 + out * (x - 500.0), -200.0 + out * (y + 200.0)
+    prior = noise_prior(read(frame, x, y, 8.0), Timing(FRAME_S, 0.0), 5.0, 100.0)
+    # A step takes its share of the breath along: that of 25 frames 15^2 (1 - kept) / 8^2 = 0.14.
+    assert prior.log_factor == pytest.approx(np.log1p((15.0 / 8.0) ** 2 * (1.0 - kept)), abs=0.05)
+    assert prior.log_factor < 0.15
 
 
 @pytest.mark.parametrize("exposed", [0.0, 0.3, 1.0])
