@@ -55,10 +55,15 @@ class Pair:
         return noise
 
     @property
-    def strayed(self) -> tuple[Floats, Floats]:
-        """Variance along the vector and across it that diffusion between both exposures adds."""
-        along: Floats = np.sum(self.unit * self.stray, axis=1) ** 2
-        return along, np.sum(self.stray**2, axis=1) - along
+    def strayed(self) -> tuple[float, float]:
+        """Mean variance along the vector and across it that diffusion between exposures adds.
+
+        That of single frames grows with the vector: of a rod that breathes, long ones would count
+        less.
+        """
+        along = np.sum(self.unit * self.stray, axis=1) ** 2
+        across = np.sum(self.stray**2, axis=1) - along
+        return float(along.mean()), float(across.mean())
 
     @property
     def even_length(self) -> Floats:
