@@ -37,6 +37,26 @@ def test_a_film_is_told_with_its_truth(call, scene, tmp_path) -> None:
     assert Path(told["truth"]) == tmp_path / "film.truth"
 
 
+def test_a_film_is_filmed_again_but_no_other_movie_is_lost(call, scene, tmp_path) -> None:
+    for _ in range(2):
+        assert call("simulate", "film", scene(), "-o", tmp_path / "film.tif").code == 0
+    precious = tmp_path / "cells.tif"
+    precious.write_bytes(b"a night of imaging")
+    refused = call("simulate", "film", scene(), "-o", precious)
+    assert refused.code == 2
+    assert "cells.tif is there already without a truth beside it" in refused.err
+    assert precious.read_bytes() == b"a night of imaging"
+
+
+def test_of_a_film_that_fails_nothing_is_left(call, scene, tmp_path, monkeypatch) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rotortrack.simulate.film.filming.write_movie", stop)
+    assert call("simulate", "film", scene(), "-o", tmp_path / "film.tif").code == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
 @pytest.mark.parametrize(
     ("name", "effect", "said"),
     [

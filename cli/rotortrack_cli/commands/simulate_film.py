@@ -38,8 +38,13 @@ def film(console: Console, scene: Scene, output: Path, workers: int | None) -> N
     if output.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{output} does not end in .tif or .ome.tif: name the movie so with -o")
     from rotortrack.movies.write import is_ome
-    from rotortrack.simulate.film.filming import film_scene
+    from rotortrack.simulate.film.filming import film_scene, truth_folder
 
+    if output.exists() and not (truth_folder(output) / "scene.toml").exists():
+        raise UsageError(
+            f"{output} is there already without a truth beside it, so it may be no simulated film: "
+            "name another file with -o"
+        )
     with Stages(console) as stages:
         made = film_scene(scene, output, workers=workers, progress=stages)
     console.text(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 import warnings
@@ -111,10 +112,9 @@ def film_scene(
     film = Film(scene.film, shapes_for(scene) if shapes is None else shapes)
     warn_of_aliases(film)
     folder = truth_in or truth_folder(movie)
-    make_folder(folder)
     source = {"made_by": "rotortrack simulate film", "seed": scene.film.film.seed}
     metadata = schema_metadata(truth.SPOTS, source)
-    with open_row_groups(folder / "spots.parquet", truth.SPOTS, metadata) as writer:
+    with _made(folder), open_row_groups(folder / "spots.parquet", truth.SPOTS, metadata) as writer:
         rows = truth.SpotRows(writer, film.recorded)
         blocks = film.blocks(workers=workers or default_workers(), see=rows)
         write_movie(
@@ -138,6 +138,20 @@ def film_scene(
         effects=scene.film.names,
         seconds=time.perf_counter() - begun,
     )
+
+
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make a folder, and take it away again where nothing came of it."""
+    was_there = folder.exists()
+    make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        if not was_there:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def warn_of_aliases(film: Film) -> None:
