@@ -45,6 +45,7 @@ FIGURE_NAME = re.compile(
 
 MANIFEST, CONFIG, LOG = "run.json", "config.resolved.toml", "log.jsonl"
 REGISTRATION = "registration.json"
+BUDGET = "error_budget.json"
 
 # Neither follow a link out of the folder nor wait for the other end of a pipe.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -327,6 +328,9 @@ class RunFolder:
                 path.unlink(missing_ok=True)
         if "registration" in earlier and "registration" not in manifest:
             (self.path / REGISTRATION).unlink(missing_ok=True)
+        if any(path.exists() for path in files_of(staged, SCHEMAS["rotors"])):
+            # It is that of other rotors.
+            (self.path / BUDGET).unlink(missing_ok=True)
         for figure in self.figures_path.glob("*.*"):
             if FIGURE_NAME.fullmatch(figure.name):
                 figure.unlink()

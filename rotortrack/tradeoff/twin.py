@@ -21,15 +21,13 @@ from rotortrack import files
 from rotortrack.errors import InputError
 from rotortrack.exchange.parquet import read_info
 from rotortrack.pipeline.run import run_movie
-from rotortrack.pipeline.store import CONFIG, RunFolder
+from rotortrack.pipeline.store import BUDGET, CONFIG, RunFolder
 from rotortrack.settings import Layer
 from rotortrack.simulate.film.filming import film_scene
 from rotortrack.simulate.scene import Scene, make_scene
 from rotortrack.tradeoff.closed_loop import config_layer, reseeded
 from rotortrack.tradeoff.score import Score, read_truth, score
 from rotortrack.tradeoff.summary import summarise
-
-BUDGET: Final = "error_budget.json"
 
 _MOTIONS: Final = {
     "driven_ccw": "driven",
@@ -44,6 +42,9 @@ _MOTIONS: Final = {
 _SEEN: Final = {"omega": "omega_rad_s", "diffusion": "diffusion_rad2_s", "radius": "radius_nm"}
 _LEAST_D: Final = 1e-3
 
+_NOT_OF_TWINS: Final = ("movie", "camera", "channels", "ends")
+"""Options that the twin has of its own film, or no use for: it shows the first colour alone."""
+
 
 @dataclass(frozen=True)
 class Twin:
@@ -56,7 +57,7 @@ class Twin:
     rotors
         Number in the run of each rotor of the scene, in its order.
     layers
-        Options of the analysis, without those of movie and camera.
+        Options of the analysis, without those of movie, camera and second colour.
     left_out
         Rotors of the run that the twin does not hold, with the reason.
     """
@@ -71,7 +72,7 @@ def twin_of(run: Path) -> Twin:
     """Make a scene of the rotors that a run kept.
 
     Places, radii, speeds, diffusion, brightness, background, width of spots, drift, camera and
-    length of the movie are those of the run.
+    length of the movie are those of the run; of two colours the twin shows the first.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def twin_of(run: Path) -> Twin:
     if drift.exists() and np.any(folder.read("drift")[["dx_nm", "dy_nm"]].to_numpy()):
         values["drift"] = {"table": str(drift)}
     scene = make_scene([Layer(f"the twin of {run}", values)], origin=f"the twin of {run}")
-    stages = {name: own for name, own in options.items() if name not in ("movie", "camera")}
+    stages = {name: own for name, own in options.items() if name not in _NOT_OF_TWINS}
     return Twin(scene, tuple(numbers), (Layer(f"options of {run}", stages),), left_out)
 
 

@@ -65,8 +65,9 @@ def check_twin(
     console: Console, run: Path, output: Path, *, films: int, workers: int | None
 ) -> None:
     """Show what the analysis makes of films like those of a finished run."""
+    from rotortrack.pipeline.store import BUDGET
     from rotortrack.tradeoff.summary import AIMS
-    from rotortrack.tradeoff.twin import BUDGET, error_budget
+    from rotortrack.tradeoff.twin import error_budget
 
     with Stages(console) as stages:
         told = error_budget(run, output, films=films, workers=workers, progress=stages)
