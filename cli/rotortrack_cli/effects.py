@@ -54,7 +54,6 @@ def tell_effects(
         from rotortrack.report.figures import canvas
         from rotortrack.report.figures import effects as picture
 
-        output.mkdir(parents=True, exist_ok=True)
         canvas.save_as(picture.figure(told["effects"]), output / "effects.png")
         write_text(output / "effects.json", json.dumps(told, indent=1) + "\n")
     return told

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rotortrack.errors import ConfigurationError
-from rotortrack.files import write_text
+from rotortrack.files import make_folder, write_text
 from rotortrack.tradeoff.point import Answer, Effort, Progress
 from rotortrack.tradeoff.questions import QUESTIONS
 
@@ -59,7 +59,7 @@ def write_answer(answer: Answer, folder: Path) -> None:
     from rotortrack.report.figures import canvas
     from rotortrack.report.figures import tradeoff as picture
 
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     write_text(folder / f"{answer.question}.json", answer.to_json())
     write_text(folder / f"{answer.question}.csv", answer.to_csv())
     drawn = picture.figure(answer.plain(), title(answer.question))

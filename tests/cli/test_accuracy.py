@@ -102,3 +102,11 @@ def test_what_cannot_be_asked_is_one_sentence(call, words, said) -> None:
     done = call("tradeoff", *words)
     assert done.code == 2
     assert said in " ".join(done.err.split())
+
+
+def test_answers_without_a_place_are_not_asked_for(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("rotortrack.tradeoff.ask.ask", lambda *_: pytest.fail("asked"))
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    done = call("tradeoff", "noise", "--quick", "-o", tmp_path / "file" / "told")
+    assert done.code == 7
+    assert "told cannot be made a folder" in done.err

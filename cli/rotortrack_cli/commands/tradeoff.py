@@ -69,6 +69,7 @@ def command(
             "--quick and --thorough exclude each other: give one", click.get_current_context()
         )
     layers = gather(given)
+    from rotortrack.files import make_folder
     from rotortrack.tradeoff.ask import ask, title, write_answer
     from rotortrack.tradeoff.point import Effort
     from rotortrack_cli.effects import tell_effects
@@ -76,6 +77,9 @@ def command(
     word: Literal["quick", "usual", "thorough"] = "quick" if quick else "usual"
     effort = Effort("thorough" if thorough else word)
     chosen = names or (_ALL if movie is None else ON_MOVIES)
+    if output is not None:
+        # Before minutes are spent on answers that have no place.
+        make_folder(output)
     told: dict[str, Any] = {}
     groups = None if movie is None else _groups_of(console, movie, layers, given.workers, chosen)
     for name in chosen:
