@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rotortrack.motion.estimate import Reason, estimate_motion
 from rotortrack.motion.readings import Circle
@@ -49,6 +50,24 @@ def test_the_circle_is_used_where_steps_or_noise_are_wide(diffusion, sigma, miss
     low, high = found.fit.omega_interval_rad_s
     assert low < 20.0 < high
     assert not found.resampled
+
+
+def test_a_rod_that_breathes_diffuses_no_slower_for_it():
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng([8, seed])
+        rows, circle = positions(rng, 2000, 20.0, 10.0, 0.08)
+        # Out and in by 15 nm over 25 frames, which scatters the radius twice as far as noise does.
+        kept = np.exp(-1.0 / 25.0)
+        pushes = rng.normal(0.0, 15.0 * np.sqrt(1.0 - kept**2), rows["frame"].size)
+        out = 1.0 + lfilter([1.0], [1.0, -kept], pushes) / np.hypot(rows["x_nm"], rows["y_nm"])
+        rows |= {"x_nm": out * rows["x_nm"], "y_nm": out * rows["y_nm"]}
+        fit = estimate(rows, circle).fit
+        low, high = fit.diffusion_interval_rad2_s
+        found.append((fit.diffusion_rad2_s, low < 10.0 < high))
+    diffusion, inside = np.transpose(found)
+    assert diffusion.mean() == pytest.approx(10.0, abs=3.0 * diffusion.std() / np.sqrt(20))
+    assert inside.mean() >= 0.85
 
 
 def test_false_spots_send_a_rotor_to_the_circle():
