@@ -108,8 +108,7 @@ def centre_motion(
     variance = noise2 * np.column_stack((vv, uu)) / det[:, np.newaxis]
     moved = _neighbours(np.where(told[:, np.newaxis], shift, np.nan))[part]
     residual = out - moved[:, 0] * u - moved[:, 1] * v
-    place = np.clip(frame - first - part * (stop - first) // PARTS, 0, (stop - first) // PARTS)
-    wide = _correlated(part, place, residual, u, v)
+    wide = _correlated(frame, part, residual, u, v)
     if wide is not None:
         # (uu, uv, vv) of the sums, brought to that of the shifts by the inverse on both sides.
         suu, suv, svv = wide
@@ -135,14 +134,19 @@ def _neighbours(shift: Floats) -> Floats:
 
 
 def _correlated(
-    part: NDArray[np.int64], place: NDArray[np.int64], residual: Floats, u: Floats, v: Floats
+    frame: NDArray[np.int64], part: NDArray[np.int64], residual: Floats, u: Floats, v: Floats
 ) -> tuple[Floats, Floats, Floats] | None:
     """Give the (co)variances of each part's sums of residuals times direction.
 
     The covariance of residuals at each lag is that of all parts together, up to the first lag where
-    it is less than twice its error; None where that is the very first.
+    it is less than twice its error; None where that is the very first. Lags count positions, of
+    which there are few even where frames are beyond number.
     """
-    rows = np.zeros((4, PARTS, int(place.max(initial=0)) + 1))
+    count = np.bincount(part, minlength=PARTS)
+    order = np.argsort(frame, kind="stable")
+    place = np.empty_like(part)
+    place[order] = np.arange(part.size) - (np.cumsum(count) - count)[part[order]]
+    rows = np.zeros((4, PARTS, int(count.max(initial=1))))
     for row, values in zip(rows, (residual, np.ones_like(residual), u, v), strict=True):
         row[part, place] = values
     length = rows.shape[2]
