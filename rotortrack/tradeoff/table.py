@@ -63,4 +63,5 @@ def _origin(answers: Sequence[Answer]) -> str:
 
 
 def _machine(answer: Answer) -> str:
-    return ", ".join(str(value) for value in answer.machine.values())
+    units = {"cores": " cores"}
+    return ", ".join(f"{value}{units.get(name, '')}" for name, value in answer.machine.items())

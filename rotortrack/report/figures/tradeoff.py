@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from rotortrack.report import style
 from rotortrack.report.figures import canvas
@@ -189,5 +190,6 @@ def _number(axes: Axes, x: canvas.Floats, y: canvas.Floats, numbers: list[str]) 
                 ha="center",
                 va="center",
                 fontsize=LABEL_SIZE + 0.5,
+                path_effects=[withStroke(linewidth=1.5, foreground="white")],
                 zorder=5,
             )
