@@ -224,7 +224,7 @@ def _another_order(subject: Subject) -> Outcome:
     return digits(found, expected)
 
 
-def _moved(
+def moved(
     subject: Subject,
     changes: Sequence[tuple[float, tuple[float, float], float]],
     scale: float | None = None,
@@ -262,8 +262,8 @@ COMMON: dict[str, Callable[[Subject], Outcome]] = {
     "nothing": _nothing,
     "a single row": _single_row,
     "another order": _another_order,
-    "scale 1e-9 and 1e9": lambda s: _moved(s, [(1e-9, (0.0, 0.0), 0.0), (1e9, (0.0, 0.0), 0.0)]),
-    "translation 1e8": lambda s: _moved(s, [(1.0, (1e8, -1e8), 0.0)]),
-    "rotation": lambda s: _moved(s, [(1.0, (0.0, 0.0), 1.0), (1.0, (0.0, 0.0), -2.5)]),
+    "scale 1e-9 and 1e9": lambda s: moved(s, [(1e-9, (0.0, 0.0), 0.0), (1e9, (0.0, 0.0), 0.0)]),
+    "translation 1e8": lambda s: moved(s, [(1.0, (1e8, -1e8), 0.0)]),
+    "rotation": lambda s: moved(s, [(1.0, (0.0, 0.0), 1.0), (1.0, (0.0, 0.0), -2.5)]),
 }
 """Every case that is asked of every routine, by name."""
